@@ -5,7 +5,7 @@ WORKDIR /source
 COPY . .
 RUN target=$(uname -m)-unknown-linux-musl \
     && rustup target add "$target" \
-    && cargo build --release --locked --target "$target" \
+    && cargo build --release --locked --features network --target "$target" \
     && cp "target/$target/release/mipvog-bake" /mipvog-bake
 
 FROM scratch

@@ -17,7 +17,8 @@ class BakeOptions(TypedDict, total=False):
     """Options of `bake`. One that is None or False is not given."""
 
     allow_network: Optional[bool]
-    """Allow https:// inputs, which are read by ranges; without this, the network is not used."""
+    """Allow https:// inputs, which are read by ranges; without this, the network is not used. Needs
+    a program that was built with the feature network."""
 
     alpha_threshold: Optional[Words]
     """Drop blocks whose opacity over one step of the level never exceeds this [default: 0.001]"""

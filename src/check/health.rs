@@ -22,7 +22,8 @@ const LARGEST_RAW: f32 = 1e4;
 const LEAST_EMPTY: f64 = 0.01;
 
 /// Measurements of a scene's values.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Health {
     /// Nodes of the grid.
     pub nodes: u64,
@@ -37,7 +38,8 @@ pub struct Health {
 }
 
 /// Measurements of a channel.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ChannelHealth {
     /// `density`, or `k0` and the number of the channel.
     pub name: String,

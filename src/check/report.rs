@@ -10,7 +10,8 @@ use crate::base::finding::{Code, Finding, Severity};
 const MESSAGE_CHARACTERS: usize = 500;
 
 /// The result of a validation.
-#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Report {
     /// True if no finding is an error: the file may be used.
     pub valid: bool,
@@ -29,11 +30,12 @@ pub struct Report {
 }
 
 /// A finding as reports print it.
-#[derive(Debug, Serialize, Clone, schemars::JsonSchema)]
+#[derive(Debug, Serialize, Clone)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ReportedFinding {
     /// Its stable code.
     #[serde(serialize_with = "name")]
-    #[schemars(with = "String")]
+    #[cfg_attr(feature = "schemas", schemars(with = "String"))]
     pub code: Code,
     /// The finding's severity.
     pub severity: Severity,

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::common::Common;
@@ -43,7 +42,8 @@ pub struct Arguments {
 }
 
 /// What `attach` did.
-#[derive(Debug, JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct AttachReport {
     asset: String,
     container: String,

@@ -23,8 +23,8 @@ pub(super) struct Common {
     /// name lists all limits
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(LimitName, u64)>,
-    /// Allow https:// inputs, which are read by ranges; without this, the network is not used
-    #[cfg(feature = "network")]
+    /// Allow https:// inputs, which are read by ranges; without this, the network is not used. Needs
+    /// a program that was built with the feature network
     #[arg(long, global = true)]
     pub(super) allow_network: bool,
     /// Print no report, progress or warnings

@@ -76,7 +76,8 @@ pub struct Arguments {
 }
 
 /// The meaning of errors at smaller scales.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 enum Measures {
     /// The field at each scale against the reference's full pictures, averaged down.
@@ -85,7 +86,8 @@ enum Measures {
     Difference,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct CompareReport {
     reference: String,
     field: String,

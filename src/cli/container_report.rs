@@ -13,7 +13,8 @@ use crate::container::Container;
 use crate::model::baked::{Group, Metadata, ViewMetadata};
 use crate::model::grid::Bounds;
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ContainerReport {
     pub(super) version: [u16; 2],
     pub(super) file_bytes: u64,
@@ -32,7 +33,8 @@ pub(super) struct ContainerReport {
     pub(super) provenance: Option<Value>,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ChunkReport {
     kind: String,
     level: Option<u32>,

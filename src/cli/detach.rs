@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::attach::{check_kind, warn_of_companions};
@@ -37,7 +36,8 @@ pub struct Arguments {
 }
 
 /// What `detach` did.
-#[derive(Debug, JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct DetachReport {
     asset: String,
     output: String,

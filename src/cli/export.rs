@@ -110,7 +110,8 @@ enum Up {
     Y,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ExportReport {
     input: String,
     output: String,

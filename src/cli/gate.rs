@@ -34,7 +34,8 @@ pub struct GateArguments {
 }
 
 /// The figures of the cameras' pictures.
-#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GateReport {
     /// Against the unbaked scene, one ray a pixel.
     pub errors: Vec<ScaleErrors>,

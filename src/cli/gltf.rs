@@ -36,7 +36,8 @@ pub struct GltfArguments {
 }
 
 /// The written asset.
-#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GltfReport {
     output: String,
     output_bytes: u64,

@@ -34,7 +34,8 @@ pub struct Arguments {
     files: Vec<PathBuf>,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct AssetReport {
     kind: &'static str,
     file_bytes: u64,
@@ -42,7 +43,8 @@ pub(super) struct AssetReport {
 }
 
 /// A radiance field of an asset.
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct FieldReport {
     field: usize,
     /// Nodes that show it.

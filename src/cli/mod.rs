@@ -40,6 +40,7 @@ mod python_options;
 mod render;
 mod report;
 mod scene;
+#[cfg(feature = "schemas")]
 mod schemas;
 mod settings;
 mod stdin;
@@ -58,6 +59,7 @@ pub use call::{Call, Failure};
 pub use open::OpenField;
 pub use program::{call, main, main_of, option_names};
 pub use python_options::python_options;
+#[cfg(feature = "schemas")]
 pub use schemas::{schemas, text as schema_text};
 pub use view_report::ColorFit;
 pub use watcher::{SharedWatcher, Watcher};

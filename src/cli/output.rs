@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use crate::base::bytes::{self, Output, remove_stale};
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, Place, Result};
 
 /// The name of the standard input or output.
 pub const STANDARD_STREAM: &str = "-";
@@ -48,9 +48,15 @@ fn shown(path: &Path) -> PathBuf {
 /// Refuses an input that is an address of a kind that is not read.
 ///
 /// # Errors
-/// `Usage`.
+/// `Usage`, and `Unsupported` where a program with the network would read it.
 pub fn refuse_unread_address(path: &Path) -> Result<()> {
     match scheme(path) {
+        Some("https" | "http") if !cfg!(feature = "network") => {
+            let found = "an address, and this program was built without the network";
+            let error = Error::unsupported(Place::File, found, "a file");
+            let advice = "build the program with --features network, or fetch the file first";
+            Err(error.advise(advice).in_file(&shown(path)))
+        }
         None | Some("https" | "http") => Ok(()),
         Some(scheme) => {
             let message = format!(

@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use clap::Args;
 use glam::DVec3;
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::common::Common;
@@ -74,7 +73,8 @@ fn parse_level(text: &str) -> std::result::Result<usize, String> {
 }
 
 /// What `probe` wrote.
-#[derive(Debug, JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ProbeReport {
     input: String,
     rays_file: String,

@@ -79,7 +79,8 @@ pub struct Arguments {
     scene: SceneArguments,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct RenderReport {
     input: String,
     output: String,
@@ -93,7 +94,8 @@ pub(super) struct RenderReport {
     frames: Vec<FrameReport>,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct FrameReport {
     frame: String,
     scale: usize,

@@ -30,7 +30,8 @@ pub struct Arguments {
 const SHOWN: usize = 20;
 
 /// A scene that failed.
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct Failure {
     input: String,
     output: String,
@@ -40,14 +41,16 @@ struct Failure {
 }
 
 /// Scenes that ended with one exit code.
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct ExitCode {
     exit_code: u8,
     scenes: u64,
     retry: &'static str,
 }
 
-#[derive(Debug, Default, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Default, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct BatchReport {
     files: usize,
     scenes: u64,

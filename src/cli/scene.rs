@@ -75,7 +75,8 @@ pub struct FoundSettings {
 }
 
 /// A setting in a report.
-#[derive(Debug, Clone, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SettingReport {
     /// The option that sets it.
     name: &'static str,

@@ -6,7 +6,8 @@ use crate::model::field::March;
 use crate::view::render::View;
 
 /// Settings of a scene.
-#[derive(Debug, Clone, Copy, PartialEq, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Settings {
     /// Step length in voxels.
     pub stepsize: f32,

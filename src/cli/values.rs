@@ -71,8 +71,8 @@ fn hexadecimal(digits: &str) -> std::result::Result<[f32; 3], String> {
 /// The name of a limit and a count.
 pub fn parse_limit(text: &str) -> std::result::Result<(LimitName, u64), String> {
     let (name, count) = text.split_once('=').ok_or("expected NAME=COUNT")?;
-    let names = LimitName::ALL.map(LimitName::name);
-    let known = LimitName::ALL.into_iter().find(|limit| limit.name() == name);
+    let names: Vec<_> = LimitName::ALL.iter().map(|limit| limit.name()).collect();
+    let known = LimitName::ALL.iter().copied().find(|limit| limit.name() == name);
     let limit = known.ok_or_else(|| format!("expected one of {}", names.join(", ")))?;
     let count = count.parse().map_err(|_| "expected a whole number after =")?;
     Ok((limit, count))

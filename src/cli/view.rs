@@ -42,7 +42,8 @@ pub struct Arguments {
     no_open: bool,
 }
 
-#[derive(Debug, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ServedReport {
     input: String,
     kind: Kind,

@@ -13,7 +13,8 @@ use mipvog_inputs::Source;
 const EQUAL_PSNR: f64 = 200.0;
 
 /// View-dependent colour.
-#[derive(Debug, Clone, Copy, schemars::JsonSchema, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ViewReport {
     /// `network`, `spherical_harmonics` or `none`.
     kind: &'static str,

@@ -16,7 +16,8 @@ use crate::model::camera::Camera;
 use mipvog_inputs::Source;
 
 /// One setting of a forecast.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SettingForecast {
     /// Its name.
     pub name: String,
@@ -33,7 +34,8 @@ pub struct SettingForecast {
 }
 
 /// A sweep that was not done.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepForecast {
     /// The input's file name.
     pub input: String,

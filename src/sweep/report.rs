@@ -14,7 +14,8 @@ pub(super) type Outcome = std::result::Result<Measured, String>;
 pub const SCHEMA: &str = "mipvog-sweep/1";
 
 /// The result of a setting.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
     /// Bytes of the container.
@@ -29,7 +30,8 @@ pub struct Measured {
 }
 
 /// Flags of a result: for each front at one scale, true if the result is on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Fronts {
     /// Pixels of the full picture along one of this.
     pub scale: usize,
@@ -52,7 +54,8 @@ impl Fronts {
 }
 
 /// One setting of the report.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SettingReport {
     /// Its name.
     pub name: String,
@@ -79,7 +82,8 @@ pub struct SettingReport {
 }
 
 /// All of a sweep.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepReport {
     /// [`SCHEMA`].
     pub schema: &'static str,

@@ -53,7 +53,7 @@ fn the_page_of_limits_has_those_of_the_code() {
     let start = page.find(head).expect("the table") + head.len();
     let end = start + page[start..].find("\n\n").map_or(0, |end| end + 1);
     let mut limits = Limits::default();
-    let rows = LimitName::ALL.map(|limit| {
+    let rows = LimitName::ALL.iter().map(|&limit| {
         let (name, bounds, most) = (limit.name(), limit.meaning(), *limits.get_mut(limit));
         let power = match most.is_power_of_two() && most > 1 << 12 {
             true => format!(" (2^{})", most.ilog2()),
@@ -61,7 +61,7 @@ fn the_page_of_limits_has_those_of_the_code() {
         };
         format!("| `{name}` | {bounds} | {most}{power} |\n")
     });
-    let wanted = [&page[..start], &rows.concat(), &page[end..]].concat();
+    let wanted = [&page[..start], &rows.collect::<String>(), &page[end..]].concat();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/limits.md");
     assert_golden(&path, wanted.as_bytes());
 }

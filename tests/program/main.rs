@@ -13,6 +13,7 @@ mod common {
 }
 
 mod assets;
+mod bake_options;
 mod call;
 mod cameras;
 mod command_lines;

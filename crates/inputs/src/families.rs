@@ -13,28 +13,71 @@ use crate::base::limits::Limits;
 /// The name of unpacked containers in errors.
 pub const UNPACKED: &str = "an unpacked container";
 
+/// A family, and where the repository knows of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Registered {
+    /// The family.
+    pub family: Family,
+    /// Its section in `docs/models.md`, or in `docs/inputs.md`.
+    pub docs: &'static str,
+    /// The fuzz target that makes files of it.
+    pub fuzz: &'static str,
+}
+
 /// A family with keys that no other has.
 struct Reader {
-    family: Family,
+    registered: Registered,
     /// True for files that this family wrote.
     knows: fn(&TensorFile) -> bool,
     /// Reads settings; grids stay in the file.
-    open: fn(&TensorFile, &SourceOptions, &Limits) -> Result<Source>,
+    open: Open,
 }
 
-/// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held.
+type Open = fn(&TensorFile, &SourceOptions, &Limits) -> Result<Source>;
+
+const fn row(
+    family: Family,
+    docs: &'static str,
+    fuzz: &'static str,
+    knows: fn(&TensorFile) -> bool,
+    open: Open,
+) -> Reader {
+    Reader { registered: Registered { family, docs, fuzz }, knows, open }
+}
+
+/// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held. A
+/// test holds the rows to the documentation, the fuzz targets and the schema of `inspect`.
 const READERS: [Reader; 10] = [
-    Reader { family: Family::PlenOctree, knows: plenoctree::knows, open: plenoctree::open_tensors },
-    Reader { family: Family::Plenoxels, knows: plenoxels::knows, open: plenoxels::open_tensors },
-    Reader { family: Family::Sampled, knows: sampled::knows, open: sampled::open_tensors },
-    Reader { family: Family::Dvgo, knows: dvgo::knows, open: dvgo::open_tensors },
-    Reader { family: Family::Merf, knows: merf::knows, open: merf::open_tensors },
-    Reader { family: Family::Snerg, knows: snerg::knows, open: snerg::open_tensors },
-    Reader { family: Family::Vdb, knows: vdb::knows, open: vdb::open_tensors },
-    Reader { family: Family::InstantNgp, knows: ngp::knows_snapshot, open: ngp::open_snapshot },
-    Reader { family: Family::TorchNgp, knows: ngp::knows_checkpoint, open: ngp::open_checkpoint },
-    Reader { family: Family::Tensorf, knows: tensorf::knows, open: tensorf::open_tensors },
+    row(Family::PlenOctree, "plenoctrees", "grids", plenoctree::knows, plenoctree::open_tensors),
+    row(Family::Plenoxels, "plenoxels", "grids", plenoxels::knows, plenoxels::open_tensors),
+    row(Family::Sampled, "sampled-arrays", "grids", sampled::knows, sampled::open_tensors),
+    row(Family::Dvgo, "directvoxgo", "models", dvgo::knows, dvgo::open_tensors),
+    row(Family::Merf, "merf-folders", "merf", merf::knows, merf::open_tensors),
+    row(Family::Snerg, "snerg-folders", "snerg", snerg::knows, snerg::open_tensors),
+    row(Family::Vdb, "openvdb", "vdb", vdb::knows, vdb::open_tensors),
+    row(
+        Family::InstantNgp,
+        "instant-ngp-and-torch-ngp",
+        "snapshot",
+        ngp::knows_snapshot,
+        ngp::open_snapshot,
+    ),
+    row(
+        Family::TorchNgp,
+        "instant-ngp-and-torch-ngp",
+        "models",
+        ngp::knows_checkpoint,
+        ngp::open_checkpoint,
+    ),
+    row(Family::Tensorf, "tensorf", "models", tensorf::knows, tensorf::open_tensors),
 ];
+
+/// Every family.
+pub fn registered() -> impl Iterator<Item = Registered> {
+    let rest =
+        Registered { family: Family::MipVog, docs: "what-is-read-of-a-checkpoint", fuzz: "pickle" };
+    READERS.iter().map(|reader| reader.registered).chain([rest])
+}
 
 fn reader(file: &TensorFile) -> Option<&'static Reader> {
     READERS.iter().find(|reader| (reader.knows)(file))
@@ -50,7 +93,7 @@ fn refuse_unpacked(file: &TensorFile) -> Result<()> {
 
 /// The family that wrote a file, if its keys alone tell.
 pub fn family(file: &TensorFile) -> Option<Family> {
-    reader(&unwrapped(file)).map(|reader| reader.family)
+    reader(&unwrapped(file)).map(|reader| reader.registered.family)
 }
 
 /// An error of a reader, by its cause: a value that is not read is no fault of its shape or type.
@@ -87,7 +130,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let reader = reader(file);
     let in_file = |error: Error| error.in_file(file.file.path());
     refuse_unpacked(file).map_err(in_file)?;
-    refuse_ignored(reader.map(|reader| reader.family), options).map_err(in_file)?;
+    refuse_ignored(reader.map(|reader| reader.registered.family), options).map_err(in_file)?;
     let source = read(reader, file, options, limits).map_err(in_file)?;
     let takes_resolution = source.family.is_sampled() || plenoxels::takes_resolution(file);
     if options.resolution.is_some() && !takes_resolution {

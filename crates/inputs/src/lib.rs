@@ -60,6 +60,8 @@ pub mod vdb;
 pub use mipvog;
 
 #[doc(hidden)]
+pub use families::{Registered, registered};
+#[doc(hidden)]
 pub use families::{UNPACKED, family, open_tensors};
 #[doc(hidden)]
 pub use inspect::inspect_tensors;

@@ -9,5 +9,7 @@ mod run;
 mod trained;
 
 pub use arguments::Arguments;
-pub use report::{BakeJson, Baked, Work};
+#[cfg(feature = "schemas")]
+pub use report::BakeJson;
+pub use report::{Baked, Work};
 pub use run::run;

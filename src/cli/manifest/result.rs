@@ -9,7 +9,8 @@ use super::line::SceneLine;
 use crate::base::error::Result;
 
 /// The end of a scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
     /// It was baked.
@@ -23,7 +24,8 @@ pub enum Status {
 }
 
 /// The result of a scene.
-#[derive(Debug, Clone, PartialEq, schemars::JsonSchema, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SceneResult {
     /// The input, as the manifest names it.
     pub input: String,

@@ -32,7 +32,7 @@ fn read_container(path: &Path, limits: &Limits) -> Result<()> {
 }
 
 fn limit(name: &str) -> LimitName {
-    LimitName::ALL.into_iter().find(|limit| limit.name() == name).expect("a limit")
+    LimitName::ALL.iter().copied().find(|limit| limit.name() == name).expect("a limit")
 }
 
 fn with(name: &str, count: u64) -> Limits {

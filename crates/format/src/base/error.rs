@@ -4,7 +4,7 @@
 //! from the start of their level. The caller that opens a file adds its name with
 //! [`Error::in_file`].
 
-use super::limit_name::LimitName;
+use super::limit_table::LimitName;
 use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -6,80 +6,9 @@
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
-pub use super::limit_name::LimitName;
-
-/// Upper bounds on the contents of an input. The defaults admit scenes of 2048 nodes a side.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Limits {
-    /// Nodes along one axis of a grid. Default: 65,536
-    pub axis_nodes: u64,
-    /// Nodes in one grid. Default: 2^33 (2048 a side)
-    pub nodes: u64,
-    /// Channels of the colour grid. Default: 64
-    pub channels: u64,
-    /// Bytes of one pickle, header or metadata text. Default: 64 MiB
-    pub header_bytes: u64,
-    /// Entries of an archive, tensors of a file. Default: 65,536
-    pub entries: u64,
-    /// Chunks of a container. Default: 4096
-    pub chunks: u64,
-    /// Blocks of a level. Default: 2^26 (3250 nodes a side in blocks of 8)
-    pub blocks: u64,
-    /// Objects that a pickle makes. Default: 2,097,152
-    pub pickle_objects: u64,
-    /// Bytes of tensors, chunks, tables and codes held at once because a file says so. Default: 16
-    /// GiB
-    pub memory: u64,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            axis_nodes: 1 << 16,
-            nodes: 1 << 33,
-            channels: 64,
-            header_bytes: 64 << 20,
-            entries: 1 << 16,
-            chunks: 1 << 12,
-            blocks: 1 << 26,
-            pickle_objects: 1 << 21,
-            memory: 16 << 30,
-        }
-    }
-}
+pub use super::limit_table::{LimitName, Limits};
 
 impl Limits {
-    /// For files of strangers, such as uploads to a service: scenes of 512 nodes a side, a GiB of
-    /// memory, headers of 4 MiB.
-    pub fn untrusted() -> Self {
-        Self {
-            axis_nodes: 1 << 12,
-            nodes: 1 << 27,
-            header_bytes: 4 << 20,
-            entries: 1 << 12,
-            blocks: 1 << 20,
-            pickle_objects: 1 << 16,
-            memory: 1 << 30,
-            ..Self::default()
-        }
-    }
-
-    /// For files of one's own: as much as the format can state. Memory alone is bounded, by half of
-    /// the address space.
-    pub fn trusted() -> Self {
-        Self {
-            axis_nodes: u64::from(u32::MAX),
-            nodes: 1 << 48,
-            channels: 64,
-            header_bytes: 1 << 32,
-            entries: 1 << 32,
-            chunks: 1 << 24,
-            blocks: 1 << 40,
-            pickle_objects: 1 << 32,
-            memory: isize::MAX as u64,
-        }
-    }
-
     /// The same limits with another bound on memory, in bytes.
     #[must_use]
     pub fn with_memory(self, memory: u64) -> Self {
@@ -90,21 +19,6 @@ impl Limits {
     #[must_use]
     pub fn shared_by(&self, things: u64) -> Self {
         Self { memory: self.memory / things.max(1), ..self.clone() }
-    }
-
-    /// The limit of a name.
-    pub fn get_mut(&mut self, name: LimitName) -> &mut u64 {
-        match name {
-            LimitName::AxisNodes => &mut self.axis_nodes,
-            LimitName::Nodes => &mut self.nodes,
-            LimitName::Channels => &mut self.channels,
-            LimitName::HeaderBytes => &mut self.header_bytes,
-            LimitName::Entries => &mut self.entries,
-            LimitName::Chunks => &mut self.chunks,
-            LimitName::Blocks => &mut self.blocks,
-            LimitName::PickleObjects => &mut self.pickle_objects,
-            LimitName::Memory => &mut self.memory,
-        }
     }
 }
 

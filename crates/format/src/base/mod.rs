@@ -6,7 +6,7 @@ pub mod error;
 pub mod error_class;
 pub mod file_kind;
 pub mod finding;
-mod limit_name;
+mod limit_table;
 pub mod limits;
 pub mod lock;
 pub mod parallel;

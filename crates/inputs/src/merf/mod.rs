@@ -18,14 +18,12 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
-mod atlas;
 mod model;
+mod nodes;
 mod occupancy;
 mod open;
 mod parameters;
 mod planes;
 mod sums;
-mod texel;
-mod values;
 
 pub use open::{knows, open_tensors};

@@ -3,8 +3,9 @@
 use super::parameters::{LOW, SPAN};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
-use crate::folder::{Folder, RGB, RGBA, whole};
+use crate::folder::{Folder, RGB, RGBA};
 use crate::source::SideFile;
+use crate::sparse::whole;
 
 /// Voxels along an edge of a cell, of the coarsest grid first, as the viewer asks them.
 pub(super) const CELLS: [usize; 5] = [128, 64, 32, 16, 8];

@@ -1,18 +1,13 @@
-//! Opens a folder's core as a field, and as a model with its own rules.
+//! Opens a folder's core.
 
 use std::sync::Arc;
 
-use super::model::FolderModel;
 use super::parameters::{KEYS, Parameters};
 use super::sums::Assets;
-use super::values::{ColorValues, DensityValues};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::folder::{self, Folder, read_network};
-use crate::model::field::{ColorDomain, Grid, RadianceField};
-use crate::model::view_dependence::ViewDependence;
+use crate::folder::{self, Folder, Found};
 use crate::options::SourceOptions;
-use crate::snerg::layout::FEATURES;
 use crate::source::{Family, Source};
 use crate::tensor::{FileKind, TensorFile};
 
@@ -22,13 +17,14 @@ pub fn knows(file: &TensorFile) -> bool {
     file.kind == FileKind::Folder && KEYS.iter().any(|key| stated(key))
 }
 
-/// Opens a folder: reads its parameters and looks at its pictures.
+/// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.
 ///
 /// # Errors
 /// `Unsupported` unless the surroundings are to be left out, and for SMERF; `Malformed` where
 /// numbers and pictures do not fit each other; `Io` where a picture is missing.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    folder::refuse_other_views("MERF", options)?;
+    let family = Family::Merf;
+    folder::refuse_other_views(family.name(), options)?;
     let parameters = Parameters::read(file, limits)?;
     if !options.drop_background {
         let found = "a MERF scene in contracted space, whose rays are not straight beyond its core";
@@ -36,36 +32,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
                         the box from -1 to 1";
         return Err(Error::unsupported(Place::File, found, expected));
     }
-    let stored = read_network(file, &mut Budget::new(limits))?;
+    let stored = folder::read_network(file, &mut Budget::new(limits))?;
     let network = stored.filter(|_| !folder::drops_network(options));
     let place = Place::Key("resolution".to_owned());
     let scene = folder::scene(&parameters.cells(), options, &place)?;
-    let of = Folder::of(file.file.path());
-    let (assets, side_files) = Assets::find(of, parameters, limits)?;
-    let assets = Arc::new(assets);
-    let channels = if network.is_some() { 3 + FEATURES } else { 3 };
-    let colors = ColorValues::new(Arc::clone(&assets), channels);
-    let field = RadianceField {
-        scene,
-        density: Grid::Values(Arc::new(DensityValues(Arc::clone(&assets)))),
-        color: vec![Grid::Values(Arc::new(colors))],
-        color_domain: ColorDomain::Logit,
-        view: network.clone().map(ViewDependence::Network),
-        free_space: None,
-        shells: Vec::new(),
-    };
-    field.check()?;
-    Ok(Source {
-        field,
-        assumptions: network.iter().map(|_| folder::assumption("MERF")).collect(),
-        model: Some(Arc::new(FolderModel { assets, network })),
-        family: Family::Merf,
-        kind: file.kind,
-        has_checksums: file.has_checksums,
-        scene_scale: 1.0,
-        recorded: Vec::new(),
-        digest: file.digest,
-        file: Arc::clone(&file.file),
-        side_files,
-    })
+    let (assets, side_files) = Assets::find(Folder::of(file.file.path()), parameters, limits)?;
+    folder::source(file, Found { family, scene, assets: Arc::new(assets), network, side_files })
 }

@@ -2,8 +2,9 @@
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::folder::{Axes, Numbers};
+use crate::folder::{AtlasFiles, AtlasLayout, Axes, Numbers, Texel};
 use crate::model::grid::Nodes;
+use crate::snerg::layout::{INDICES, feature_name, rgba_name};
 use crate::sparse::CellBox;
 use crate::tensor::{TensorFile, Value};
 
@@ -33,21 +34,25 @@ pub(super) enum Names {
 }
 
 impl Names {
-    pub(super) fn indices(self) -> &'static str {
+    /// The pictures of an atlas. Codes of 0 are values too.
+    fn atlas(self) -> AtlasFiles {
+        let is_nothing = |texel: &Texel| *texel == [0; 8];
         match self {
-            Self::Release => "sparse_grid_block_indices.png",
-            Self::Demonstration => "atlas_indices.png",
-        }
-    }
-
-    /// The pictures of plane `z` of the atlas: colours with density, and features.
-    pub(super) fn atlas(self, z: usize) -> [String; 2] {
-        match self {
-            Self::Release => [
-                format!("sparse_grid_rgb_and_density_{z:03}.png"),
-                format!("sparse_grid_features_{z:03}.png"),
-            ],
-            Self::Demonstration => [format!("rgba_{z:03}.png"), format!("feature_{z:03}.png")],
+            Self::Release => AtlasFiles {
+                indices: "sparse_grid_block_indices.png",
+                names: |z| {
+                    let colors = format!("sparse_grid_rgb_and_density_{z:03}.png");
+                    [colors, format!("sparse_grid_features_{z:03}.png")]
+                },
+                planes: 1,
+                is_nothing,
+            },
+            Self::Demonstration => AtlasFiles {
+                indices: INDICES,
+                names: |z| [rgba_name(z), feature_name(z)],
+                planes: 1,
+                is_nothing,
+            },
         }
     }
 }
@@ -64,9 +69,15 @@ pub(super) struct Sparse {
 }
 
 impl Sparse {
-    /// Blocks along each axis.
-    pub(super) fn blocks(&self) -> usize {
-        self.resolution.div_ceil(self.block)
+    /// Its blocks and their atlas.
+    pub(super) fn layout(&self, names: Names) -> AtlasLayout {
+        AtlasLayout {
+            files: names.atlas(),
+            counts: [self.resolution.div_ceil(self.block); 3],
+            edge: self.block + 1,
+            size: self.atlas,
+            has_features: true,
+        }
     }
 }
 

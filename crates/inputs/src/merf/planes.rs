@@ -1,11 +1,10 @@
 //! The three planes.
 
-use super::texel::{Texel, pair};
-use crate::base::error::Place;
-use crate::base::error::Result;
+use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::folder::{Folder, RGBA, whole};
+use crate::folder::{Folder, RGBA, Texel, Texels};
 use crate::source::SideFile;
+use crate::sparse::whole;
 
 /// The axes of each plane, the picture's columns first.
 const AXES: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
@@ -45,7 +44,8 @@ impl Planes {
         budget.spend(memory_bytes(edge), "bytes of planes", &Place::File)?;
         let mut texels = [Vec::new(), Vec::new(), Vec::new()];
         for (number, texels) in texels.iter_mut().enumerate() {
-            *texels = pair(folder, &names(number), [edge; 2], limits)?;
+            let read = Texels::read(folder, &names(number), true, [edge; 2], limits)?;
+            *texels = read.run(0, edge * edge).collect();
         }
         Ok(Self { edge, texels })
     }

@@ -2,22 +2,22 @@
 
 use std::sync::Arc;
 
-use super::atlas::{self, Atlas};
 use super::occupancy::{self, Occupancy};
-use super::parameters::{LOW, Parameters, SPAN};
+use super::parameters::{LOW, Parameters, SPAN, Sparse};
 use super::planes::{self, Planes};
-use super::texel::DENSITY;
 use crate::base::error::Result;
 use crate::base::limits::{Budget, Limits};
-use crate::folder::Folder;
+use crate::folder::{Atlas, Folder, OPACITY, Places};
 use crate::lazy::Lazy;
 use crate::source::SideFile;
+use crate::sparse::whole;
 
 /// A folder, ready to be loaded.
 #[derive(Debug)]
 pub(super) struct Assets {
     pub(super) parameters: Parameters,
     folder: Folder,
+    places: Option<Places>,
     limits: Limits,
     loaded: Lazy<Sums>,
 }
@@ -30,29 +30,29 @@ impl Assets {
         limits: &Limits,
     ) -> Result<(Self, Vec<SideFile>)> {
         let mut found = occupancy::look(&folder, parameters.resolution())?;
-        if let Some(sparse) = &parameters.sparse {
-            found.extend(atlas::look(&folder, parameters.names, sparse)?);
-        }
+        let layout = parameters.sparse.map(|sparse| sparse.layout(parameters.names));
+        let looked = layout.map(|layout| Places::find(&folder, layout, limits)).transpose()?;
+        let (places, pictures) = looked.unzip();
+        found.extend(pictures.unwrap_or_default());
         if let Some(edge) = parameters.planes {
             found.extend(planes::look(&folder, edge)?);
         }
         let (limits, loaded) = (limits.clone(), Lazy::default());
-        Ok((Self { parameters, folder, limits, loaded }, found))
+        Ok((Self { parameters, folder, places, limits, loaded }, found))
     }
 
     /// The values, read when they are first asked for.
     pub(super) fn sums(&self) -> Result<Arc<Sums>> {
-        let Self { parameters, folder, limits, .. } = self;
+        let Self { parameters, folder, places, limits, .. } = self;
         self.loaded.get(|| {
             let mut budget = Budget::new(limits);
             let planes = parameters.planes;
             let planes = planes.map(|edge| Planes::read(folder, edge, &mut budget, limits));
-            let sparse = parameters.sparse;
-            let names = parameters.names;
-            let atlas = sparse.map(|of| Atlas::read(folder, names, of, &mut budget, limits));
+            let planes = planes.transpose()?;
+            let atlas = places.as_ref().map(|places| places.load(folder, &mut budget, limits));
             Ok(Sums {
                 parameters: parameters.clone(),
-                planes: planes.transpose()?,
+                planes,
                 atlas: atlas.transpose()?,
                 occupancy: Occupancy::read(folder, parameters.resolution(), limits)?,
             })
@@ -60,8 +60,8 @@ impl Assets {
     }
 
     /// Bytes of the values in memory, at most.
-    pub(super) fn memory_bytes(&self) -> u64 {
-        let atlas = self.parameters.sparse.as_ref().map_or(0, atlas::memory_bytes);
+    pub(super) fn bytes(&self) -> u64 {
+        let atlas = self.places.as_ref().map_or(0, Places::memory_bytes);
         atlas + self.parameters.planes.map_or(0, planes::memory_bytes)
     }
 }
@@ -85,11 +85,10 @@ impl Sums {
         };
         let (mut codes, mut parts) = ([0.0; 8], 0.0);
         if let (Some(atlas), Some(sparse)) = (&self.atlas, &self.parameters.sparse) {
+            // Values lie in the middle of voxels.
             let at = voxels(sparse.resolution).map(|at| at - 0.5);
             let reach = reach * sparse.resolution as f64 / SPAN;
-            if !atlas.add(at, reach, &mut codes) {
-                return None;
-            }
+            codes = in_atlas(atlas, sparse, at, reach)?;
             parts += 1.0;
         }
         if let (Some(planes), Some(edge)) = (&self.planes, self.parameters.planes) {
@@ -99,11 +98,30 @@ impl Sums {
         let mut sums = [0.0; 8];
         for (at, (sum, code)) in sums.iter_mut().zip(codes).enumerate() {
             let Parameters { densities, features, .. } = &self.parameters;
-            let [low, high] = if at == DENSITY { *densities } else { *features };
+            let [low, high] = if at == OPACITY { *densities } else { *features };
             *sum = parts * low + code / 255.0 * (high - low);
         }
         Some(sums)
     }
+}
+
+/// The codes at a position in voxels, 0 being the middle of the first one. Positions without a block
+/// take the nearest one up to `reach` away, from where it ends; none without that.
+fn in_atlas(atlas: &Atlas, sparse: &Sparse, at: [f64; 3], reach: f64) -> Option<[f64; 8]> {
+    let edge = sparse.block as f64;
+    let number = |at: f64| whole((at / edge).floor());
+    let [xs, ys, zs] = at.map(|at| number(at - reach)..=number(at + reach));
+    let near = xs.flat_map(|x| {
+        let (ys, zs) = (ys.clone(), zs.clone());
+        ys.flat_map(move |y| zs.clone().map(move |z| [x, y, z]))
+    });
+    let (number, block) = std::iter::once(at.map(number))
+        .chain(near.filter(|_| reach > 0.0))
+        .find_map(|number| Some((number, atlas.block(number)?)))?;
+    let mut local = at;
+    let axes = local.iter_mut().zip(number);
+    axes.for_each(|(at, block)| *at = (*at - block as f64 * edge).clamp(0.0, edge));
+    Some(block.interpolate(local))
 }
 
 /// The density of its sum, per world unit.

@@ -20,13 +20,10 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
-mod atlas;
-mod block;
-mod files;
+mod assets;
 pub mod layout;
 mod model;
 mod open;
 mod parameters;
-mod values;
 
 pub use open::{knows, open_tensors};

@@ -24,8 +24,6 @@ pub(super) struct Parameters {
     pub(super) min: [f64; 3],
     /// Texels of the atlas.
     pub(super) atlas: [usize; 3],
-    /// Pictures of either kind.
-    pub(super) slices: usize,
     pub(super) axes: Axes,
 }
 
@@ -54,7 +52,7 @@ impl Parameters {
         let axes = Axes::stated(file, &mut Budget::new(limits))?;
         let [x, y, z] = ["min_x", "min_y", "min_z"];
         let min = [numbers.number(x)?, numbers.number(y)?, numbers.number(z)?];
-        Ok(Self { voxel_size, block, grid, min, atlas, slices, axes })
+        Ok(Self { voxel_size, block, grid, min, atlas, axes })
     }
 
     /// Texels along an edge of a block with its apron.

@@ -22,5 +22,5 @@ pub use cells::CellBox;
 pub use colored::ColoredRows;
 pub use grid::{Channel, RowGrid};
 pub use index::{Index, LoadedIndex, PlaneRows};
-pub use loaded::{Cell, LoadedRows};
+pub use loaded::{Cell, LoadedRows, whole};
 pub use path::{GridPath, Lattice};

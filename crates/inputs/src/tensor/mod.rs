@@ -20,6 +20,8 @@ mod npz;
 mod open;
 mod parameters;
 mod pickle;
+mod positioned;
+mod read;
 mod safetensors;
 mod storage;
 mod table;

@@ -5,12 +5,13 @@
 //! opening reads the directory and one header an entry, whatever the archive's size.
 
 use std::collections::BTreeMap;
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Write};
 use std::sync::Arc;
 
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
 
+use super::positioned::Positioned;
 use super::unread::Unread;
 use crate::base::bytes::{ByteReader, SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -369,39 +370,5 @@ fn refused(error: ZipError, place: Place) -> Error {
             Error::unsupported(place, format!("compression method {method}"), "stored or deflated")
         }
         other => Error::malformed(place, format!("{other}"), "a whole zip archive"),
-    }
-}
-
-/// A reading position in a file that others read too.
-#[derive(Debug, Clone)]
-pub(super) struct Positioned {
-    pub(super) file: Arc<SourceFile>,
-    pub(super) at: u64,
-}
-
-impl Read for Positioned {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let left =
-            usize::try_from(self.file.length().saturating_sub(self.at)).unwrap_or(usize::MAX);
-        let count = out.len().min(left);
-        let Some(out) = out.get_mut(..count) else { return Ok(0) };
-        self.file.read_into(self.at, out).map_err(|error| match error.kind() {
-            ErrorKind::Io(inner) => io::Error::new(inner.kind(), error.to_string()),
-            _ => io::Error::new(io::ErrorKind::UnexpectedEof, error.to_string()),
-        })?;
-        self.at += count as u64;
-        Ok(count)
-    }
-}
-
-impl Seek for Positioned {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let at = match to {
-            SeekFrom::Start(at) => Some(at),
-            SeekFrom::End(by) => self.file.length().checked_add_signed(by),
-            SeekFrom::Current(by) => self.at.checked_add_signed(by),
-        };
-        self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
-        Ok(self.at)
     }
 }

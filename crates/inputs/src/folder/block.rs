@@ -1,15 +1,12 @@
-//! The texels of one block with its apron.
+//! The texels of one block, with those that it repeats of its neighbours.
 
+use super::texels::Texel;
 use crate::snerg::layout::{FAINT, SKIPPED_CUBE};
+use crate::sparse::whole;
 
-/// Diffuse colour, opacity, features; all but opacity multiplied by it.
-pub(super) type Texel = [u8; 8];
-/// The place of opacity in a texel.
-pub(super) const OPACITY: usize = 3;
-
-/// Texels that have an opacity, found by their places.
+/// Texels that are not zeros, found by their places.
 #[derive(Debug, Clone)]
-pub(super) struct Block {
+pub struct Block {
     edge: usize,
     /// A bit for each texel, x fastest, set where it is kept.
     words: Vec<u64>,
@@ -31,9 +28,6 @@ impl Block {
     /// Adds a texel behind all others, x fastest.
     pub(super) fn push(&mut self, [x, y, z]: [usize; 3], texel: Texel) {
         let [_, _, _, opacity, ..] = texel;
-        if opacity == 0 {
-            return;
-        }
         let (at, cubes) = ((z * self.edge + y) * self.edge + x, self.edge.div_ceil(SKIPPED_CUBE));
         if let Some(word) = self.words.get_mut(at / 64) {
             *word |= 1 << (at % 64);
@@ -60,9 +54,9 @@ impl Block {
         (self.words.len() * 12 + self.sums.len() * 4 + size_of_val(self.texels.as_slice())) as u64
     }
 
-    /// A texel; zeros where there is none.
+    /// A texel; zeros where none was added.
     #[inline]
-    pub(super) fn texel(&self, [x, y, z]: [usize; 3]) -> Texel {
+    pub fn texel(&self, [x, y, z]: [usize; 3]) -> Texel {
         let at = (z * self.edge + y) * self.edge + x;
         let (Some(word), Some(rank)) = (self.words.get(at / 64), self.ranks.get(at / 64)) else {
             return [0; 8];
@@ -75,8 +69,28 @@ impl Block {
         self.texels.get(number).copied().unwrap_or([0; 8])
     }
 
+    /// The codes at a position in texels, 0 being the middle of the first one, interpolated.
+    #[inline]
+    pub fn interpolate(&self, at: [f64; 3]) -> [f64; 8] {
+        let [xs, ys, zs] = at.map(|at| {
+            let low = whole(at).min(self.edge - 2);
+            [(low, 1.0 - (at - low as f64)), (low + 1, at - low as f64)]
+        });
+        let mut sums = [0.0; 8];
+        for (z, of_z) in zs {
+            for (y, of_y) in ys {
+                for (x, of_x) in xs {
+                    let weight = of_x * of_y * of_z;
+                    let terms = sums.iter_mut().zip(self.texel([x, y, z]));
+                    terms.for_each(|(sum, code)| *sum += weight * f64::from(code));
+                }
+            }
+        }
+        sums
+    }
+
     /// True if the mean opacity of the cube around a texel is more than faint.
-    pub(super) fn shows(&self, texel: [usize; 3]) -> bool {
+    pub fn shows(&self, texel: [usize; 3]) -> bool {
         let cubes = self.edge.div_ceil(SKIPPED_CUBE);
         let [x, y, z] = texel.map(|at| at / SKIPPED_CUBE);
         let sum = self.sums.get((z * cubes + y) * cubes + x).copied().unwrap_or(0);
