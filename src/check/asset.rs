@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
-use gltf_json::mesh::Semantic;
-use gltf_json::validation::{Checked, Error as RuleError, Validate};
-use gltf_json::{Index, Root};
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::{Checked, Error as RuleError, Validate};
+use gltf::json::{Index, Root};
 use serde_json::{Value, json};
 
 use super::document;
@@ -135,7 +135,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
     };
     positions(&mut root, report)?;
     let mut reported = Ok(());
-    let mut add = |path: &dyn Fn() -> gltf_json::Path, rule| {
+    let mut add = |path: &dyn Fn() -> gltf::json::Path, rule| {
         let pointer = path().to_string().replace(['.', '['], "/").replace(']', "");
         let pointer = format!("/{pointer}");
         let (found, expected) = match rule {
@@ -151,6 +151,6 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
             reported = report(Finding { code: Code::AssetRule, error });
         }
     };
-    root.validate(&root, gltf_json::Path::new, &mut add);
+    root.validate(&root, gltf::json::Path::new, &mut add);
     reported
 }

@@ -42,7 +42,7 @@ pub use model::baked::{
     Encoding, FootprintNeighbour, Group, HarmonicsMetadata, LevelMetadata, LevelOfDetail, Metadata,
     NetworkMetadata, NumberType, Occupancy, StepRule, Table, ViewMetadata,
 };
-pub use model::grid::{BlockGrid, Bounds, Nodes};
+pub use model::grid::{BlockGrid, Bounds, BoxFrame, Nodes};
 pub use model::harmonics::{Basis, Clamp, Evaluation, Harmonics};
 pub use model::scene::{
     Activation, ActivationOrder, ColorDomain, DensityFunction, FreeSpace, Lookup, March,

@@ -87,7 +87,9 @@ pub use mipvog_format::{
     Result, Sample, Step,
 };
 pub use model::camera::{Camera, Lens, Ray};
-pub use model::field::{FieldBuilder, Grid, NodeValues, Nonfinite, RadianceField, Scene, Volume};
+pub use model::field::{
+    FieldBuilder, Grid, Lattice, NodeValues, Nonfinite, RadianceField, Scene, Shell, Volume,
+};
 pub use model::grid::Element;
 pub use model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 pub use quantize::Bits;

@@ -5,15 +5,17 @@ use mipvog::base::bytes::WriterSink;
 use mipvog::base::limits::Limits;
 use mipvog::base::progress::Silent;
 use mipvog::container::Container;
+use mipvog::container::json::to_canonical;
 use mipvog::levels::Filter;
-use mipvog::model::baked::{Bends, LevelOfDetail};
+use mipvog::model::baked::{Bends, LevelOfDetail, Metadata};
 use mipvog::model::camera::{Camera, Ray};
 use mipvog::model::field::{Lattice, RadianceField, Shell};
 use mipvog::model::grid::{Bounds, Nodes};
 use mipvog::view::render::Renderer;
+use mipvog_testing::chunks::{chunks, with_chunk};
 use mipvog_testing::plain_nested::{PlainSample, PlainWorld};
 use mipvog_testing::world::{random_world, world};
-use mipvog_testing::{Random, open_bytes, origin, packed, with_threads};
+use mipvog_testing::{Random, assert_golden, fixture, open_bytes, origin, packed, with_threads};
 
 fn bytes_of(field: &RadianceField, options: &BakeOptions) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -169,6 +171,12 @@ fn worlds_do_not_depend_on_threads_and_come_back() {
 }
 
 #[test]
+fn a_world_is_the_golden_container() {
+    let bytes = bytes_of(&world(17, 2), &BakeOptions::default());
+    assert_golden(&fixture("baked/world.mipvog"), &bytes);
+}
+
+#[test]
 fn the_far_does_not_change_what_is_near() {
     // Level 0 and level 1 of a world are those of its inner box alone, but for the light that
     // colours of level 1 are weighted by.
@@ -180,6 +188,52 @@ fn the_far_does_not_change_what_is_near() {
     assert_eq!(whole.metadata().bounds, alone.metadata().bounds);
     assert_eq!(whole.metadata().outer_bounds().max, [4.0; 3]);
     assert_eq!((whole.header().version, alone.header().version[1]), ([1, 3], 2));
+}
+
+/// The metadata of the golden world, changed, and how it is refused.
+fn refused(change: impl FnOnce(&mut Metadata)) -> String {
+    let world = std::fs::read(fixture("baked/world.mipvog")).expect("the golden world");
+    let bytes = with_chunk(&chunks(&world), b"META", None, |bytes| {
+        let mut metadata: Metadata = serde_json::from_slice(bytes).expect("metadata");
+        change(&mut metadata);
+        *bytes = to_canonical(&metadata).expect("JSON").into_bytes();
+    });
+    let read = open_bytes(&bytes).and_then(|container| container.read());
+    read.expect_err("a broken container").to_string()
+}
+
+#[test]
+fn boxes_that_lie_are_refused() {
+    let far = f32::MAX;
+    let boxed = |min: [f32; 3], max: [f32; 3]| Some(Bounds { min, max });
+    for bounds in [
+        // It touches the smaller box all around, lies beside it, is reversed, overflows, or its
+        // nodes are as close or four times as far apart.
+        boxed([-1.0; 3], [1.0; 3]),
+        boxed([2.0; 3], [6.0; 3]),
+        boxed([2.0; 3], [-2.0; 3]),
+        boxed([-far; 3], [far; 3]),
+        boxed([-1.0, -1.0, -1.0], [1.0, 1.0, 1.1]),
+        boxed([-4.0; 3], [4.0; 3]),
+        boxed([f32::NAN; 3], [2.0; 3]),
+        None,
+    ] {
+        let error = refused(|metadata| metadata.shells[0].bounds = bounds);
+        assert!(error.contains("shells[0].bounds") || error.contains("JSON"), "{error}");
+    }
+    let error = refused(|metadata| metadata.levels[1].bounds = metadata.shells[0].bounds);
+    assert!(error.contains("levels[1].bounds"), "{error}");
+    let error = refused(|metadata| metadata.shells = vec![metadata.shells[0].clone(); 31]);
+    assert!(error.contains("shells"), "{error}");
+    let error = refused(|metadata| metadata.shells.clear());
+    assert!(error.contains("required features"), "{error}");
+    let error = refused(|metadata| metadata.march.stepsize = 1e-6);
+    assert!(error.contains("16777216"), "{error}");
+    let error =
+        refused(|metadata| metadata.shells[0].blocks_filled = metadata.shells[0].blocks_stored);
+    assert!(error.contains("inherited"), "{error}");
+    let error = refused(|metadata| metadata.levels[1].blocks_filled = 1);
+    assert!(error.contains("blocks_filled"), "{error}");
 }
 
 #[test]

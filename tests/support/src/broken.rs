@@ -116,6 +116,14 @@ fn containers(sound: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
         ("metadata", with_chunk(&parts, b"META", None, |bytes| bytes.push(b' '))),
         ("metadata-value", metadata(|metadata| metadata.march.stepsize = 0.0)),
         ("ray-samples", metadata(|metadata| metadata.march.stepsize = 1e-7)),
+        ("nested-boxes", {
+            let world = std::fs::read(fixture("baked/world.mipvog")).expect("the golden world");
+            with_chunk(&chunks::chunks(&world), b"META", None, |bytes| {
+                let mut metadata: Metadata = serde_json::from_slice(bytes).expect("metadata");
+                metadata.shells[1].bounds = metadata.shells[0].bounds;
+                *bytes = to_canonical(&metadata).expect("JSON").into_bytes();
+            })
+        }),
         ("network", with_chunk(&parts, b"VMLP", None, |bytes| bytes.truncate(bytes.len() - 4))),
         ("free-space", with_chunk(&parts, b"MASK", None, |bytes| bytes[0] = 9)),
         ("provenance", with_chunk(&parts, b"prov", None, |bytes| bytes.push(b' '))),

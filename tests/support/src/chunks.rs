@@ -2,10 +2,20 @@
 //! coding of a chunk's bytes has no place here.
 
 use mipvog::container::layout::{
-    ALIGNMENT, ENTRY_BYTES, Entry, HEADER_BYTES, Header, INHERITED_BLOCKS, META,
+    ALIGNMENT, ANISOTROPY, BENT_RULE, DIRECTIONAL, ENTRY_BYTES, Entry, HEADER_BYTES, Header,
+    INHERITED_BLOCKS, META, NESTED_BOXES,
 };
 
 use super::open_bytes;
+
+/// Keys of metadata that ask for a feature.
+const FEATURES: [(&str, u64); 5] = [
+    ("blocks_filled", INHERITED_BLOCKS),
+    ("bends", BENT_RULE),
+    ("directional", DIRECTIONAL),
+    ("anisotropy", ANISOTROPY),
+    ("shells", NESTED_BOXES),
+];
 
 /// A chunk without its place.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,10 +59,10 @@ pub fn entries(chunks: &[Chunk]) -> Vec<Entry> {
 /// A file of these entries, each with its chunk where it says, padding zero.
 pub fn file(entries: &[Entry], chunks: &[Chunk]) -> Vec<u8> {
     let end = entries.iter().map(Entry::padded_end).max().unwrap_or(HEADER_BYTES);
-    let inherits = chunks.iter().any(|chunk| {
-        chunk.bytes.windows(15).any(|text| text == b"\"blocks_filled\"") && chunk.kind == META
-    });
-    let features = if inherits { INHERITED_BLOCKS } else { 0 };
+    let metadata = chunks.iter().find(|chunk| chunk.kind == META).map(|chunk| &*chunk.bytes);
+    let metadata = String::from_utf8_lossy(metadata.unwrap_or_default());
+    let features = FEATURES.iter().filter(|(key, _)| metadata.contains(&format!("\"{key}\":")));
+    let features = features.map(|(_, bit)| bit).sum();
     let mut bytes = Header::with_directory(features, end, entries).expect("few entries");
     bytes.resize(end.next_multiple_of(ALIGNMENT) as usize, 0);
     for (entry, chunk) in entries.iter().zip(chunks) {

@@ -121,6 +121,11 @@ codes! {
     RaySamples = "ray-samples", Error,
         at "key of the metadata",
         do "bake again with a longer step";
+    /// A box of nested ones does not lie around the next smaller one, or its nodes are not about twice
+    /// as far apart.
+    NestedBoxes = "nested-boxes", Error,
+        at "key of the metadata",
+        do "bake again; report the bug to whoever wrote the file";
     /// The view network's layers do not match each other, the metadata or their chunk.
     Network = "network", Error,
         at "chunk or byte",

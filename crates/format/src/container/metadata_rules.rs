@@ -107,8 +107,10 @@ fn shells(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
             "a larger box around {:?} to {:?}, with nodes 1.5 to 3 times as far apart",
             smaller.0.min, smaller.0.max
         );
-        let fits = bounds.check(&Place::File).is_ok() && is_around(larger, smaller);
-        rules.require(fits, &format!("shells[{number}].bounds"), found, &expected)?;
+        let place = Place::Key(format!("shells[{number}].bounds"));
+        let fits = bounds.check(&place).is_ok() && is_around(larger, smaller);
+        let nested = if fits { Ok(()) } else { Err(Error::malformed(place, found, expected)) };
+        rules.report(Code::NestedBoxes, nested)?;
         smaller = larger;
     }
     Ok(())

@@ -1,13 +1,12 @@
 //! PNG and JPEG.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Read as _, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read as _, Seek, SeekFrom};
 use std::path::Path;
 
-use imagesize::ImageType;
-use png::{BitDepth, ColorType};
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::{colorspace::ColorSpace, options::DecoderOptions};
+use image::{
+    ExtendedColorType, ImageDecoder as _, ImageEncoder, ImageFormat, codecs::png::PngEncoder,
+};
 
 use super::Rgba;
 use super::sides::{MOST_PIXELS, failed, sides};
@@ -18,8 +17,6 @@ use crate::base::limits::{self, LimitName};
 const READ: &str = "a PNG or a JPEG";
 /// The letter of a JPEG's segment that coded values follow.
 const START_OF_SCAN: u8 = 0xda;
-/// Bytes that tell the format.
-const HEAD: u64 = 64;
 /// Bytes that one byte of deflated data stands for, at most (RFC 1951: a match of 258 bytes takes
 /// two bits). JPEGs have fewer: a bit or more stands for a block of 64 values.
 const MOST_INFLATED: u64 = 1032;
@@ -28,19 +25,15 @@ const MOST_INFLATED: u64 = 1032;
 /// multiplied in), rows from the top.
 pub fn png(width: usize, height: usize, values: &[u8]) -> Result<Vec<u8>> {
     let color = match values.len().checked_div(width * height) {
-        Some(3) => ColorType::Rgb,
-        Some(4) => ColorType::Rgba,
-        _ => ColorType::Grayscale,
+        Some(3) => ExtendedColorType::Rgb8,
+        Some(4) => ExtendedColorType::Rgba8,
+        _ => ExtendedColorType::L8,
     };
     let [w, h] = sides(width, height)?;
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, w, h);
-    encoder.set_color(color);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    encoder.set_filter(png::Filter::Adaptive);
-    let write = |encoder: png::Encoder<_>| encoder.write_header()?.write_image_data(values);
-    write(encoder).map_err(|error| failed(error.to_string()))?;
+    PngEncoder::new(&mut bytes)
+        .write_image(values, w, h, color)
+        .map_err(|error| failed(error.to_string()))?;
     Ok(bytes)
 }
 
@@ -73,109 +66,58 @@ pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Res
     let io = |error| Error::io(error, path);
     let length = from.seek(SeekFrom::End(0)).map_err(io)?;
     from.rewind().map_err(io)?;
-    let mut head = Vec::new();
-    from.by_ref().take(HEAD).read_to_end(&mut head).map_err(io)?;
-    from.rewind().map_err(io)?;
-    match imagesize::image_type(&head) {
-        Ok(ImageType::Png) => decode_png(from, length, path, max_bytes),
-        Ok(ImageType::Jpeg) => decode_jpeg(from, length, path, max_bytes),
-        Ok(other) => {
+    let mut reader = image::ImageReader::new(from).with_guessed_format().map_err(io)?;
+    let is_png = reader.format() == Some(ImageFormat::Png);
+    match reader.format() {
+        Some(ImageFormat::Png) => {}
+        Some(ImageFormat::Jpeg) => {
+            let mut from = reader.into_inner();
+            check_jpeg_end(&mut from, length, max_bytes).map_err(|error| error.in_file(path))?;
+            from.rewind().map_err(io)?;
+            reader = image::ImageReader::with_format(from, ImageFormat::Jpeg);
+        }
+        Some(other) => {
             let found = format!("a picture in the format {other:?}");
             let error = Error::unsupported(Place::File, found, READ);
-            Err(error.advise("make PNG or JPEG of it").in_file(path))
+            return Err(error.advise("make PNG or JPEG of it").in_file(path));
         }
-        Err(_) => Err(not_a_picture("no format that is known".to_owned(), path)),
+        None => return Err(not_a_picture("no format that is known".to_owned(), path)),
     }
-}
-
-fn decode_png(from: impl BufRead + Seek, length: u64, path: &Path, max_bytes: u64) -> Result<Rgba> {
-    let unreadable = |error: png::DecodingError| not_a_picture(error.to_string(), path);
-    let most = usize::try_from(max_bytes).unwrap_or(usize::MAX);
-    let mut decoder = png::Decoder::new_with_limits(from, png::Limits { bytes: most });
-    // Fewer bits than eight become eight; 16 are rounded below.
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(unreadable)?;
-    let (width, height) = reader.info().size();
-    let stored = reader.output_buffer_size().unwrap_or(usize::MAX);
-    let pixels = check_size([width, height], stored, path, max_bytes)?;
-    // Pixels may have a bit each.
-    check_data([width, height], pixels / 8, length, path)?;
-    let mut values = vec![0; stored];
-    let frame = reader.next_frame(&mut values).map_err(unreadable)?;
-    values.truncate(frame.buffer_size());
-    if frame.bit_depth == BitDepth::Sixteen {
-        values = values.as_chunks().0.iter().map(|&bytes| eight_bits(bytes)).collect();
-    }
-    Ok(rgba([width, height], frame.color_type.samples(), values))
-}
-
-/// The nearest code of 8 bits.
-fn eight_bits(bytes: [u8; 2]) -> u8 {
-    let rounded = (u32::from(u16::from_be_bytes(bytes)) + 128) / 257;
-    u8::try_from(rounded).unwrap_or(u8::MAX)
-}
-
-fn decode_jpeg(
-    mut from: impl BufRead + Seek,
-    length: u64,
-    path: &Path,
-    max_bytes: u64,
-) -> Result<Rgba> {
-    let unreadable =
-        |error: zune_jpeg::errors::DecodeErrors| not_a_picture(error.to_string(), path);
-    let bytes = whole_jpeg(&mut from, length, max_bytes).map_err(|error| error.in_file(path))?;
-    let options = DecoderOptions::default()
-        .set_strict_mode(false)
-        .set_max_width(usize::MAX)
-        .set_max_height(usize::MAX);
-    let mut decoder = JpegDecoder::new_with_options(Cursor::new(bytes), options);
-    decoder.decode_headers().map_err(unreadable)?;
-    let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
-    let (samples, color) = if grey { (1, ColorSpace::Luma) } else { (3, ColorSpace::RGB) };
-    decoder.set_options(options.jpeg_set_out_colorspace(color));
-    let size = decoder.dimensions().map_or([0; 2], |(w, h)| [w, h]);
-    let size = size.map(|side| u32::try_from(side).unwrap_or(u32::MAX));
-    let [width, height] = size.map(|side| side as usize);
-    let stored = width.saturating_mul(height).saturating_mul(samples);
-    check_size(size, stored, path, max_bytes)?;
-    check_data(size, stored as u64, length, path)?;
-    Ok(rgba(size, samples, decoder.decode().map_err(unreadable)?))
-}
-
-/// Holds a picture to the limits: once as stored, and once as RGBA. Returns its pixels.
-fn check_size(size: [u32; 2], stored: usize, path: &Path, max_bytes: u64) -> Result<u64> {
-    let [width, height] = size.map(u64::from);
-    let pixels = width * height;
-    let bytes = (stored as u64).saturating_add(pixels.saturating_mul(4));
-    let longest = width.max(height);
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(max_bytes);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|error| unreadable(error, path))?;
+    let (width, height) = decoder.dimensions();
+    let longest = u64::from(width.max(height));
+    let pixels = u64::from(width) * u64::from(height);
+    // Once as stored, and once as RGBA.
+    let bytes = decoder.total_bytes().saturating_add(pixels.saturating_mul(4));
     limits::check_fixed("pixels along a side", longest, MOST_PIXELS, &Place::File)
         .and_then(|()| {
             limits::check(LimitName::Memory, "bytes of a picture", bytes, max_bytes, &Place::File)
         })
         .map_err(|error| error.in_file(path))?;
-    Ok(pixels)
-}
-
-/// Refuses a size that the data cannot fill: memory is asked for by the header's word.
-fn check_data([width, height]: [u32; 2], least: u64, length: u64, path: &Path) -> Result<()> {
+    // Memory is asked for by the header's word, so the data must be able to fill it. Pixels of a
+    // PNG may have a bit each.
+    let least = if is_png { pixels / 8 } else { decoder.total_bytes() };
     if least / MOST_INFLATED > length {
         let found = format!("{width} x {height} pixels in {length} bytes");
         let expected = "the data of all its pixels";
         return Err(Error::malformed(Place::File, found, expected).in_file(path));
     }
-    Ok(())
+    let picture = image::DynamicImage::from_decoder(decoder);
+    let picture = picture.map_err(|error| unreadable(error, path))?.into_rgba8();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    Ok(Rgba { width, height, bytes: picture.into_raw() })
 }
 
-/// Pixels of grey, grey and alpha, RGB or RGBA as RGBA.
-fn rgba(size: [u32; 2], samples: usize, values: Vec<u8>) -> Rgba {
-    let [width, height] = size.map(|side| side as usize);
-    let bytes = match samples {
-        1 => values.iter().flat_map(|&grey| [grey, grey, grey, u8::MAX]).collect(),
-        2 => values.as_chunks().0.iter().flat_map(|&[grey, a]| [grey, grey, grey, a]).collect(),
-        3 => values.as_chunks().0.iter().flat_map(|&[r, g, b]| [r, g, b, u8::MAX]).collect(),
-        _ => values,
-    };
-    Rgba { width, height, bytes }
+fn unreadable(error: image::ImageError, path: &Path) -> Error {
+    match error {
+        image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            Error::io(error, path)
+        }
+        error => not_a_picture(error.to_string(), path),
+    }
 }
 
 fn not_a_picture(why: String, path: &Path) -> Error {
@@ -183,10 +125,11 @@ fn not_a_picture(why: String, path: &Path) -> Error {
     Error::malformed(Place::File, found, READ).in_file(path)
 }
 
-/// The bytes of a JPEG. One that is cut short is refused: its decoder would make the rest grey.
-fn whole_jpeg(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64) -> Result<Vec<u8>> {
+/// Refuses a JPEG that is cut short: its decoder would make the rest grey.
+fn check_jpeg_end(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64) -> Result<()> {
     limits::check(LimitName::Memory, "bytes of a picture", length, max_bytes, &Place::File)?;
     let io = |error| Error::new(ErrorKind::Io(error), Place::File);
+    from.rewind().map_err(io)?;
     let mut bytes = Vec::new();
     from.take(length).read_to_end(&mut bytes).map_err(io)?;
     // Segments: FF, a letter, two bytes of length. Thumbnails in them have ends of their own.
@@ -203,7 +146,7 @@ fn whole_jpeg(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64) -> 
     }
     // FF stands in coded values only before 0 and before marks of restarts.
     match bytes.get(at..).is_some_and(|rest| rest.windows(2).any(|pair| pair == [0xff, 0xd9])) {
-        true => Ok(bytes),
+        true => Ok(()),
         false => {
             Err(Error::new(ErrorKind::Truncated { wanted: length + 2, left: length }, Place::File))
         }
@@ -258,27 +201,6 @@ mod tests {
     }
 
     #[test]
-    fn every_colour_type_is_read_as_rgba() {
-        let read = |color: ColorType, values: &[u8]| {
-            let mut bytes = Vec::new();
-            let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
-            encoder.set_color(color);
-            let wide = values.len() > color.samples();
-            encoder.set_depth(if wide { BitDepth::Sixteen } else { BitDepth::Eight });
-            let mut writer = encoder.write_header().expect("a header");
-            writer.write_image_data(values).expect("pixels");
-            writer.finish().expect("an end");
-            decode(Cursor::new(bytes), Path::new("a.png"), 1 << 20).expect("a picture").bytes
-        };
-        assert_eq!(read(ColorType::Grayscale, &[7]), [7, 7, 7, 255]);
-        assert_eq!(read(ColorType::GrayscaleAlpha, &[7, 9]), [7, 7, 7, 9]);
-        assert_eq!(read(ColorType::Rgb, &[1, 2, 3]), [1, 2, 3, 255]);
-        // 128 of 257 and less are rounded down.
-        let wide = [0, 128, 0, 129, 255, 126, 255, 127];
-        assert_eq!(read(ColorType::Rgba, &wide), [0, 1, 254, 255]);
-    }
-
-    #[test]
     fn memory_is_asked_for_only_where_the_data_can_fill_it() {
         let read = |bytes: Vec<u8>| decode(Cursor::new(bytes), Path::new("a.png"), 1 << 40);
         assert_eq!(read(lying(2, 2)).expect("a picture").bytes.len(), 16);
@@ -295,12 +217,20 @@ mod tests {
         read(lying(3, 2)).expect_err("a lie");
     }
 
-    /// 48 x 16 pixels of two colours, left and right.
-    const JPEG: &[u8] = include_bytes!("../../../../fixtures/pictures/two_colors.jpg");
+    /// A picture of two colours, left and right.
+    fn jpeg(width: u32, height: u32) -> Vec<u8> {
+        let color = |x| if 2 * x < width { [200, 100, 50] } else { [20, 40, 220] };
+        let picture = image::RgbImage::from_fn(width, height, |x, _| image::Rgb(color(x)));
+        let mut bytes = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95)
+            .encode_image(&picture)
+            .expect("a picture");
+        bytes
+    }
 
     #[test]
     fn jpegs_are_read_as_stored_and_whole() {
-        let mut bytes = JPEG.to_vec();
+        let mut bytes = jpeg(48, 16);
         // A camera that was held upright: viewers turn it, training codes do not.
         let turned = b"\xff\xe1\x00\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\
                        \x06\0\0\0\0\0\0\0";
@@ -336,7 +266,7 @@ mod tests {
         // 14 bits for each side less 1, from the lowest.
         let sides = (199u32 | 149 << 14).to_le_bytes();
         let webp = [b"RIFF\x1a\0\0\0WEBPVP8L\x0d\0\0\0\x2f", &sides[..], &[0; 8]].concat();
-        for (name, bytes) in [("Tiff", tiff), ("Webp", webp)] {
+        for (name, bytes) in [("Tiff", tiff), ("WebP", webp)] {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).expect("writable");
             assert_eq!(size(&path).expect("a size"), [200, 150], "{name}");

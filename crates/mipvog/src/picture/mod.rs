@@ -1,5 +1,5 @@
-//! Pictures as files: 8-bit PNG and JPEG, and float32 EXR. The only door to `png`, `zune-jpeg`,
-//! `imagesize` and `exr`, which only the feature `pictures` has.
+//! Pictures as files: 8-bit PNG and JPEG, and float32 EXR. The only door to `image`, `imagesize` and
+//! `exr`, which only the feature `pictures` has.
 
 #[cfg(feature = "pictures")]
 mod eight_bit;

@@ -33,8 +33,8 @@ impl Lattice {
     pub fn doubled(&self) -> Self {
         let spacing = self.nodes.spacing(&self.bounds);
         let (mut bounds, mut nodes) = (self.bounds, self.nodes);
-        for axis in 0..3 {
-            let (step, shared) = (2.0 * spacing[axis], self.nodes.0[axis] / 2 + 1);
+        for (axis, spacing) in spacing.into_iter().enumerate() {
+            let (step, shared) = (2.0 * spacing, self.nodes.0[axis] / 2 + 1);
             let below = (self.nodes.0[axis] + 1 - shared) / 2;
             nodes.0[axis] = (shared + 2 * below) | 1;
             let low = f64::from(self.bounds.min[axis]) - below as f64 * step;
