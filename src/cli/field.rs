@@ -154,8 +154,8 @@ impl SceneArguments {
         match self.reads_a_model() {
             false => Ok(()),
             true => Err(Error::usage(
-                "--coarse, --mlp, --scene-scale, --view, --resolution and --drop-background belong \
-                 to trained inputs; a container states these itself",
+                "--coarse, --mlp, --scene-scale, --view, --resolution, --extent and \
+                 --drop-background belong to trained inputs; a container states these itself",
             )),
         }
     }

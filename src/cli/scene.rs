@@ -52,15 +52,20 @@ pub struct SceneArguments {
     /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
-    /// Drop surroundings that a container cannot represent: Plenoxels' background spheres, the
+    /// Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
     /// contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP
     #[arg(long)]
     pub drop_background: bool,
     /// Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
-    /// torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels; for export,
+    /// torch-ngp) [default: 256], or along an edge of an unbounded scene's first box [default: as
+    /// many as the model has there]; cells along each axis of PeRFception's Plenoxels; for export,
     /// cubic cells along the longest axis instead of nodes
     #[arg(long, value_name = "N")]
     pub resolution: Option<usize>,
+    /// How far the outermost box of an unbounded scene reaches, in half sides of its inner box
+    /// [default: all that the model shows]
+    #[arg(long, value_name = "F")]
+    pub extent: Option<f32>,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -102,6 +107,7 @@ impl SceneArguments {
             cameras: Vec::new(),
             drop_background: self.drop_background,
             resolution: self.resolution,
+            extent: self.extent,
         }
     }
 
@@ -114,6 +120,7 @@ impl SceneArguments {
             view: ViewChoice::Keep,
             drop_background: false,
             resolution: None,
+            extent: None,
             ..self.clone()
         }
     }
@@ -121,7 +128,7 @@ impl SceneArguments {
     /// True if an option says how a trained model is read, which no container needs.
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
-        let reads = self.drop_background || self.resolution.is_some();
+        let reads = self.drop_background || self.resolution.is_some() || self.extent.is_some();
         other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 

@@ -132,16 +132,36 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     refuse_unpacked(file).map_err(in_file)?;
     refuse_ignored(reader.map(|reader| reader.registered.family), options).map_err(in_file)?;
     let source = read(reader, file, options, limits).map_err(in_file)?;
-    let takes_resolution = source.family.is_sampled() || plenoxels::takes_resolution(file);
+    refuse_extent(&source, options).map_err(in_file)?;
+    let takes_resolution =
+        source.family.is_sampled() || source.is_unbounded || plenoxels::takes_resolution(file);
     if options.resolution.is_some() && !takes_resolution {
         let message = format!(
-            "--resolution samples models without nodes (Instant-NGP, torch-ngp), and states those of \
-             PeRFception's Plenoxels; a {} model has its own",
+            "--resolution samples models without nodes (Instant-NGP, torch-ngp) and unbounded scenes, \
+             and states the cells of PeRFception's Plenoxels; a {} model has its own",
             source.family.name()
         );
         return Err(in_file(Error::usage(message)));
     }
     rescale(source, options).map_err(in_file)
+}
+
+/// Refuses an extent for a scene that has none.
+fn refuse_extent(source: &Source, options: &SourceOptions) -> Result<()> {
+    if options.extent.is_none() || source.is_unbounded {
+        return Ok(());
+    }
+    Err(Error::usage(match options.drop_background {
+        true => {
+            "--extent says how far an unbounded scene is kept, and --drop-background keeps its inner \
+             box alone: state one of them"
+                .to_owned()
+        }
+        false => format!(
+            "--extent says how far an unbounded scene is kept, and this {} model ends at its box",
+            source.family.name()
+        ),
+    }))
 }
 
 /// Refuses options of checkpoints that a family, told by its keys, has no use for.

@@ -27,6 +27,8 @@ mod lazy;
 #[doc(hidden)]
 pub mod merf;
 #[doc(hidden)]
+pub mod nested;
+#[doc(hidden)]
 pub mod network;
 #[doc(hidden)]
 pub mod ngp;

@@ -33,12 +33,15 @@ pub struct SourceOptions {
     /// Places of the cameras that colours are fitted for, where a model's colours have to be; one
     /// in eight is left out. Default, and if there are fewer than 16: all around
     pub cameras: Vec<[f64; 3]>,
-    /// Leaves out surroundings that no container can hold: spheres behind the box, contracted
-    /// space. Default: such inputs are refused
+    /// Keeps the inner box of an unbounded scene alone. Default: all that the model shows
     pub drop_background: bool,
-    /// Nodes along the longest axis of a model that has none. Default: 256. Of PeRFception's Plenoxels
+    /// Nodes along the longest axis of a model that has none, or along an edge of an unbounded
+    /// scene's first box. Default: 256, or as many as the model has there. Of PeRFception's Plenoxels
     /// the cells along each axis. Default: the least power of 2 that holds them
     pub resolution: Option<usize>,
+    /// How far the outermost box of an unbounded scene reaches, in half sides of the inner one, 1 to
+    /// 1e6. Default: all that the model shows
+    pub extent: Option<f32>,
 }
 
 /// The part of the view-dependent colour that is kept.
@@ -85,6 +88,9 @@ impl SourceOptions {
         self.background.map_or(Ok(()), option_rules::background)?;
         if let Some(nodes) = self.resolution.filter(|nodes| !(2..=1 << 16).contains(nodes)) {
             return refuse("resolution", &nodes, "2 to 65536 nodes");
+        }
+        if let Some(extent) = self.extent.filter(|extent| !(1.0..=1e6).contains(extent)) {
+            return refuse("extent", &extent, "1 to 1e6 half sides of the inner box");
         }
         let scale = self.scene_scale;
         if let Some(scale) = scale.filter(|scale| !Self::SCALES.contains(scale)) {

@@ -21,7 +21,9 @@ pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Result<Sou
     let scale = options.scene_scale.unwrap_or(source.scene_scale);
     let scene = &mut source.field.scene;
     let march = &mut scene.march;
-    for bounds in std::iter::once(&mut scene.bounds).chain(&mut march.sampled) {
+    let shells = source.field.shells.iter_mut().map(|shell| &mut shell.lattice.bounds);
+    let boxes = std::iter::once(&mut scene.bounds).chain(&mut march.sampled).chain(shells);
+    for bounds in boxes {
         for corner in [&mut bounds.min, &mut bounds.max] {
             *corner = corner.map(|value| value / scale);
         }

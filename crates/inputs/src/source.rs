@@ -22,6 +22,8 @@ pub struct Source {
     pub kind: FileKind,
     /// True if the digest holds checksums of all values.
     pub has_checksums: bool,
+    /// True for a scene without an end, of which as much is kept as the user says.
+    pub is_unbounded: bool,
     /// The input's world is the scene's times this, unless the user says otherwise.
     pub scene_scale: f32,
     /// Settings that it lacks and that were assumed, to be shown to the user.
@@ -78,12 +80,14 @@ pub enum Family {
     Vdb,
 }
 
-impl Family {
-    /// True for models without values at the nodes of a grid: the field is made of samples.
-    pub const fn is_resampled(self) -> bool {
-        matches!(self, Self::PlenOctree) || self.is_sampled()
+impl Source {
+    /// True if the field is made of samples of a model without values at the nodes of a grid.
+    pub fn is_resampled(&self) -> bool {
+        self.is_unbounded || self.family == Family::PlenOctree || self.family.is_sampled()
     }
+}
 
+impl Family {
     /// True for models without a grid of values: nodes are placed as the user says.
     pub const fn is_sampled(self) -> bool {
         matches!(self, Self::InstantNgp | Self::TorchNgp)

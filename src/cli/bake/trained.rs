@@ -53,7 +53,7 @@ pub fn bake_trained(
     let cameras = match arguments.gate.measures()? {
         true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, common)?)),
         // The loss of resampling is always told; a bound on memory excludes pictures.
-        false if source.family.is_resampled() && options.memory.is_none() => {
+        false if source.is_resampled() && options.memory.is_none() => {
             Some(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]))
         }
         false => None,

@@ -16,3 +16,4 @@ mod small_models;
 mod snerg;
 mod source;
 mod tensor;
+mod worlds;

@@ -197,11 +197,7 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
 
 #[test]
 fn other_models_are_refused_with_the_reason() {
-    for (name, reason) in [
-        ("contracted.tar", "--drop-background"),
-        ("multiplane.tar", "multiplane"),
-        ("nearest.tar", "nearest node"),
-    ] {
+    for (name, reason) in [("multiplane.tar", "multiplane"), ("nearest.tar", "nearest node")] {
         let error = refuse(&format!("refused/{name}"));
         assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
         assert!(error.to_string().contains(reason), "{error}");
@@ -245,10 +241,10 @@ fn a_checkpoint_lists_everything() {
     assert_eq!(value("model_state_dict.viewfreq").value, Some(vec![1.0, 2.0, 4.0, 8.0].into()));
     assert_eq!(value("optimizer_state_dict.param_groups.0.lr").kind, "float");
     assert_eq!(found.scene.as_ref().and_then(|scene| scene.mlp.clone()), Some(vec![34, 16, 16, 3]));
-    let refused = fixture("refused/contracted.tar");
+    let refused = fixture("refused/multiplane.tar");
     let refused =
         mipvog_inputs::inspect(&refused, &options, &Limits::default()).expect("still listed");
-    assert!(refused.problem.is_some_and(|problem| problem.contains("contracted")));
+    assert!(refused.problem.is_some_and(|problem| problem.contains("multiplane")));
     assert!(refused.values.len() > 30);
 }
 

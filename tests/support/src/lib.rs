@@ -4,6 +4,7 @@ pub mod alone;
 #[path = "../../../fuzz/src/archive.rs"]
 pub mod archive;
 pub mod asset;
+pub mod boxes;
 pub mod broken;
 pub mod checkpoint;
 pub mod chunks;

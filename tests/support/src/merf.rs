@@ -287,7 +287,7 @@ impl SmallMerf {
             t += step;
         }
         (0..3).for_each(|channel| sums[channel] += visible);
-        let added = network(&self.layers, direction, &sums);
+        let added = network(&self.layers, direction, &sums, true);
         ([0, 1, 2].map(|channel| sums[channel] + added[channel]), visible)
     }
 }

@@ -30,7 +30,12 @@ pub struct Reference(tensor::TensorFile);
 
 impl Reference {
     pub fn of(name: &str) -> Self {
-        let path = fixture("grids").join(format!("{name}.rays.safetensors"));
+        Self::within("grids", name)
+    }
+
+    /// Of a model in another folder.
+    pub fn within(folder: &str, name: &str) -> Self {
+        let path = fixture(folder).join(format!("{name}.rays.safetensors"));
         Self(tensor::open(&path, &Limits::default()).expect("a reference"))
     }
 

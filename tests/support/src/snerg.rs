@@ -37,15 +37,25 @@ pub fn layers() -> Layers {
     vec![layer(34, 16), layer(16, 16), layer(16, 3)]
 }
 
-/// The network, with waves of the direction in the folder's order.
-pub fn network(layers: &Layers, direction: [f64; 3], values: &[f64]) -> [f64; 3] {
+/// The network, with waves of the direction in the folder's order, and with the values before the
+/// direction or behind it.
+pub fn network(
+    layers: &Layers,
+    direction: [f64; 3],
+    values: &[f64],
+    values_first: bool,
+) -> [f64; 3] {
     let mut inputs = direction.to_vec();
     for wave in [f64::sin, f64::cos] {
         for octave in [1.0, 2.0, 4.0, 8.0] {
             inputs.extend(direction.map(|value| wave(octave * value)));
         }
     }
-    inputs.extend(values.iter().map(|v| if v.abs() < 0.1 / 255.0 { 0.0 } else { *v }));
+    let values = values.iter().map(|v| if v.abs() < 0.1 / 255.0 { 0.0 } else { *v });
+    match values_first {
+        true => drop(inputs.splice(0..0, values)),
+        false => inputs.extend(values),
+    }
     for (number, (weights, bias)) in layers.iter().enumerate() {
         let sum = |output: usize| {
             let terms = inputs.iter().zip(weights).map(|(value, row)| value * row[output]);
@@ -234,7 +244,7 @@ impl SmallSnerg {
         (0..3).for_each(|channel| sums[channel] += visible);
         let mut color = [sums[0], sums[1], sums[2]];
         if visible <= 254.0 / 255.0 {
-            let added = network(&self.layers, direction, &sums);
+            let added = network(&self.layers, direction, &sums, false);
             (0..3).for_each(|channel| color[channel] += added[channel]);
         }
         (color, visible)

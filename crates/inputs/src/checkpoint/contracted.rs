@@ -2,8 +2,8 @@
 //!
 //! The grid spans `-1 - bg_len` to `1 + bg_len` along each axis, in half sizes of the inner box about
 //! its centre. Where the norm of a position is at most 1, it is not contracted: there the grid is a
-//! plain one. The rest holds all of the outer space. Rays are not straight in it, so it has no place
-//! in a container, and is left out on request.
+//! plain one. The rest holds all of the outer space. A reader that does not sample it at the nodes of other boxes
+//! leaves it out on request.
 
 use super::names::NamedValues;
 use crate::base::error::{Error, Place, Result};
@@ -20,12 +20,12 @@ const ROUNDED: f64 = 1e-4;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inner {
     /// Its centre in the world.
-    center: [f64; 3],
+    pub center: [f64; 3],
     /// Half its edge.
     pub radius: f64,
     /// True where the norm is Euclidean, and the inner space a ball; else the largest of the axes
     /// decides, and it is the whole box.
-    ball: bool,
+    pub ball: bool,
 }
 
 impl Inner {

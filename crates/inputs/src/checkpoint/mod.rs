@@ -24,6 +24,6 @@ mod wrappers;
 pub use contracted::Inner;
 pub use mlp::layer_tensors;
 pub use names::{NamedValues, STATE};
-pub use open::{describe, open_tensors};
+pub use open::{Whole, describe, open_tensors, open_whole};
 pub use stored::StoredGrid;
 pub use wrappers::unwrapped;

@@ -11,7 +11,8 @@ use super::{grids, march, mlp};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::model::field::{ColorDomain, RadianceField, Scene};
+use crate::model::field::{ColorDomain, FreeSpace, RadianceField, Scene};
+use crate::model::grid::Bounds;
 use crate::model::view_dependence::ViewDependence;
 use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, SideFile, Source};
@@ -36,7 +37,50 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     Ok(source)
 }
 
-/// The same without the mask's values, and the mask's nodes.
+/// An unbounded scene: a field without colours that a network gives, and what all of space means.
+#[derive(Debug)]
+pub struct Whole {
+    /// Settings and grids; the box is that of contracted space.
+    pub source: Source,
+    /// The box that is not contracted.
+    pub inner: Inner,
+    /// The mask in contracted space.
+    pub mask: Option<FreeSpace>,
+    /// The box of contracted space, in half sizes of the inner one.
+    pub contracted: Bounds,
+}
+
+/// Opens an unbounded scene with all of its space; none for other scenes.
+///
+/// # Errors
+/// Those of [`open_tensors`].
+pub fn open_whole(
+    file: &TensorFile,
+    options: &SourceOptions,
+    limits: &Limits,
+) -> Result<Option<Whole>> {
+    let names = NamedValues::new(file);
+    let options = SourceOptions {
+        drop_background: true,
+        mlp: MlpChoice::None,
+        view: ViewChoice::Keep,
+        ..options.clone()
+    };
+    let Some(inner) = Inner::find(&names, &options)? else { return Ok(None) };
+    let contracted = grids::bounds(&names)?;
+    let (mut source, mask) = assemble(file, &options, limits)?;
+    let dropped = [inner.assumption().key, "mlp"];
+    source.assumptions.retain(|assumption| !dropped.contains(&assumption.key));
+    source.field.scene.march.sampled = None;
+    let mask = mask.map(|mut mask| {
+        mask.inner = None;
+        mask.load(limits)
+    });
+    let mask = mask.transpose()?;
+    Ok(Some(Whole { source, inner, mask, contracted }))
+}
+
+/// As [`open_tensors`], without the mask's values, and the mask's nodes.
 ///
 /// # Errors
 /// Those of [`open_tensors`].
@@ -160,6 +204,7 @@ fn assemble<'a>(
         family,
         kind: file.kind,
         has_checksums: file.has_checksums,
+        is_unbounded: false,
         assumptions,
         recorded: recorded.names(),
         digest: file.digest,

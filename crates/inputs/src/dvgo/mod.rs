@@ -15,7 +15,12 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod contraction;
 mod model;
 mod open;
+mod open_unbounded;
+mod unbounded_model;
+mod values;
+mod world;
 
 pub use open::{knows, open_tensors};

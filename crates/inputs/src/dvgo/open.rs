@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::model::DvgoFile;
+use super::open_unbounded;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::checkpoint::{self, Inner, NamedValues, StoredGrid};
@@ -26,18 +27,27 @@ const DEGREE: usize = 2;
 /// True for checkpoints of DirectVoxGO whose network takes the colours' features of each sample.
 pub fn knows(file: &TensorFile) -> bool {
     let names = NamedValues::new(file);
-    // Contracted scenes have no other network, and no flag.
-    let direct =
-        names.weight("scene_center").is_some() || names.flag("rgbnet_direct").unwrap_or(false);
+    let contracted = names.weight("scene_center").is_some();
+    let direct = contracted || names.flag("rgbnet_direct").unwrap_or(false);
     let channels = match (names.tensor("k0.grid"), names.tensor("k0.f_vec")) {
         (Some(grid), _) => grid.shape().get(1).copied(),
         (None, factors) => factors.and_then(|factors| factors.shape().get(1).copied()),
     };
+    // Contracted scenes have no other network, and no flag.
+    let is_whole = contracted && names.tensor("viewfreq").is_none_or(few);
+    let has_grids = ["density.grid", "density"].iter().any(|name| names.tensor(name).is_some());
+    if is_whole && has_grids && channels.is_some() {
+        return true;
+    }
     direct
         && channels.is_some_and(|channels| (3..=256).contains(&channels))
         && channels != Some(DEFERRED_CHANNELS)
         && names.tensor("rgbnet.0.weight").is_some()
-        && names.tensor("viewfreq").is_some_and(|tensor| tensor.count() <= OCTAVES)
+        && names.tensor("viewfreq").is_some_and(few)
+}
+
+fn few(octaves: &Tensor) -> bool {
+    octaves.count() <= OCTAVES
 }
 
 /// Opens a checkpoint. Without the network it is opened as any other.
@@ -45,6 +55,11 @@ pub fn knows(file: &TensorFile) -> bool {
 /// # Errors
 /// Those of [`checkpoint::open_tensors`], and layers that do not follow each other.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
+    if !options.drop_background
+        && let Some(whole) = checkpoint::open_whole(file, options, limits)?
+    {
+        return open_unbounded::open(file, whole, options, limits);
+    }
     if options.mlp != MlpChoice::Auto || options.view == ViewChoice::None {
         return checkpoint::open_tensors(file, options, limits);
     }
@@ -53,21 +68,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let names = NamedValues::new(file);
     let (density, color) =
         (StoredGrid::find(&names, "density", limits)?, StoredGrid::find(&names, "k0", limits)?);
-    let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
-    let direction = u32::try_from(octaves).unwrap_or(0);
-    let inputs = Inputs { features: 0, position: 0, direction };
-    let layers = checkpoint::layer_tensors(&names)?;
-    let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
-    let network = NetworkFile::new(layers, inputs, color.channels)?;
+    let network = network(&names, color.channels)?;
     let inner = Inner::find(&names, options)?;
-    let degree = match options.view {
-        ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
-        _ => DEGREE,
-    };
-    let (evaluation, clamp) = (Evaluation::Ray, Clamp::Zero);
-    let harmonics = Harmonics { degree, evaluation, offset: OFFSET, clamp };
+    let harmonics = harmonics(options.view);
     source.assumptions.retain(|assumption| assumption.key != "mlp");
-    source.assumptions.push(fit_assumption(degree, false, &options.cameras));
+    source.assumptions.push(fit_assumption(harmonics.degree, false, &options.cameras));
     source.family = Family::Dvgo;
     let field = source.field.clone();
     let geometry = RadianceField { color: Vec::new(), ..field.clone() };
@@ -81,4 +86,27 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     source.field.check()?;
     source.model = Some(model);
     Ok(source)
+}
+
+/// The network of a checkpoint, which takes so many features of each sample.
+///
+/// # Errors
+/// Those of [`NetworkFile::new`].
+pub(super) fn network(names: &NamedValues<'_>, features: usize) -> Result<NetworkFile> {
+    let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
+    let direction = u32::try_from(octaves).unwrap_or(0);
+    let inputs = Inputs { features: 0, position: 0, direction };
+    let layers = checkpoint::layer_tensors(names)?;
+    let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
+    NetworkFile::new(layers, inputs, features)
+}
+
+/// The harmonics that are fitted to a network.
+pub(super) fn harmonics(view: ViewChoice) -> Harmonics {
+    let degree = match view {
+        ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
+        _ => DEGREE,
+    };
+    let (evaluation, clamp) = (Evaluation::Ray, Clamp::Zero);
+    Harmonics { degree, evaluation, offset: OFFSET, clamp }
 }

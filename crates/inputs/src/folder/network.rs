@@ -11,17 +11,42 @@ const LAYERS: usize = 3;
 /// Widest layer.
 const WIDEST: u64 = 64;
 
+/// The order in which a folder's network takes its inputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputOrder {
+    /// The direction with its waves, then colours and features: SNeRG's.
+    DirectionFirst,
+    /// Colours and features, then the direction with its waves: MERF's.
+    ValuesFirst,
+}
+
+impl InputOrder {
+    /// The place in the folder of an input of this program's order.
+    fn place(self, input: usize) -> usize {
+        let direction = 3 + 6 * OCTAVES;
+        match self {
+            Self::DirectionFirst => folder_input(input),
+            Self::ValuesFirst if input < direction => 3 + FEATURES + folder_input(input),
+            Self::ValuesFirst => input - direction,
+        }
+    }
+}
+
 /// The network, with its inputs in this program's order; none for a folder of diffuse colours.
 ///
 /// # Errors
 /// `Malformed` for layers that do not fit each other, and for weights that are no finite numbers.
-pub fn read_network(file: &TensorFile, budget: &mut Budget) -> Result<Option<ViewMlp>> {
+pub fn read_network(
+    file: &TensorFile,
+    order: InputOrder,
+    budget: &mut Budget,
+) -> Result<Option<ViewMlp>> {
     if file.root.get("0_bias").is_none_or(Value::is_none) {
         return Ok(None);
     }
     let mut layers = Vec::with_capacity(LAYERS);
     for number in 0..LAYERS {
-        layers.push(layer(file, number, budget)?);
+        layers.push(layer(file, number, order, budget)?);
     }
     let place = Place::Key("0_weights".to_owned());
     ViewMlp::new(layers, OCTAVES, FEATURES, &place).map(Some)
@@ -34,7 +59,12 @@ pub(super) fn narrow(value: f64) -> f32 {
     if value.abs() < NEARLY_ZERO { 0.0 } else { value }
 }
 
-fn layer(file: &TensorFile, number: usize, budget: &mut Budget) -> Result<Layer> {
+fn layer(
+    file: &TensorFile,
+    number: usize,
+    order: InputOrder,
+    budget: &mut Budget,
+) -> Result<Layer> {
     let (weights, bias) = (format!("{number}_weights"), format!("{number}_bias"));
     let place = Place::Key(weights.clone());
     let stored = file.root.get(&weights).unwrap_or(&Value::None);
@@ -57,7 +87,7 @@ fn layer(file: &TensorFile, number: usize, budget: &mut Budget) -> Result<Layer>
     }
     let [inputs, outputs] = [inputs, outputs].map(|width| usize::try_from(width).unwrap_or(0));
     // A folder has the weights input by input, and waves of a direction by octave.
-    let row = |input: usize| if number == 0 { folder_input(input) } else { input };
+    let row = |input: usize| if number == 0 { order.place(input) } else { input };
     let of_output = |output: usize| (0..inputs).map(move |input| row(input) * outputs + output);
     let places = (0..outputs).flat_map(of_output);
     let weights = places.map(|at| values.get(at).copied().unwrap_or(0.0)).collect();

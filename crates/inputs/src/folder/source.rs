@@ -51,6 +51,7 @@ where
         family,
         kind: file.kind,
         has_checksums: file.has_checksums,
+        is_unbounded: false,
         scene_scale: 1.0,
         recorded: Vec::new(),
         digest: file.digest,

@@ -2,9 +2,12 @@
 //!
 //! A value is the sum of a sparse grid and of three planes, each interpolated by itself. The sums
 //! are logits of a colour and of four features, and `1 + ln` of a density. They span contracted
-//! space, from -2 to 2 along each axis; its core, from -1 to 1, is the world itself. What lies
-//! beyond has no straight rays, and no box. So only the core is taken, and only with
-//! `--drop-background`.
+//! space, from -2 to 2 along each axis; its core, from -1 to 1, is the world itself.
+//!
+//! **A whole scene** follows the rules of MERF's baked renderer: steps of a voxel in contracted space
+//! from the near plane on, without an end. Its field has boxes around each other, up to where the last
+//! voxel of contracted space begins. With `--drop-background` only the core is taken, and what follows
+//! is about it.
 //!
 //! **Its own rules** are those of its viewer, within the core: samples one voxel apart from where
 //! the ray enters, five grids of occupancy that skip empty cells and half a step, and nothing where
@@ -18,6 +21,7 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod contraction;
 mod model;
 mod nodes;
 mod occupancy;
@@ -25,5 +29,7 @@ mod open;
 mod parameters;
 mod planes;
 mod sums;
+mod whole;
+mod world;
 
 pub use open::{knows, open_tensors};

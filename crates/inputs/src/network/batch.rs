@@ -40,7 +40,7 @@ pub struct Batch {
 
 /// Memory of a batch at work.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub struct Scratch {
     inputs: Vec<f64>,
     values: Vec<f32>,
     next: Vec<f32>,
@@ -49,7 +49,7 @@ pub(super) struct Scratch {
 impl BatchNetwork {
     /// Of a network's weights.
     #[expect(clippy::cast_possible_truncation, reason = "weights were float32")]
-    pub(super) fn new(network: &Network) -> Self {
+    pub fn new(network: &Network) -> Self {
         let layer = |(weights, biases): (&[f64], &[f64])| {
             let (outputs, inputs) = (biases.len(), weights.len() / biases.len().max(1));
             let [height, width] = [outputs, inputs].map(|count| count.next_multiple_of(TILE));
@@ -71,7 +71,7 @@ impl BatchNetwork {
 
     /// A batch of unit directions.
     #[expect(clippy::cast_possible_truncation, reason = "values are float32")]
-    pub(super) fn batch(&self, network: &Network, directions: &[[f64; 3]]) -> Batch {
+    pub fn batch(&self, network: &Network, directions: &[[f64; 3]]) -> Batch {
         let padded = directions.len().next_multiple_of(LANES);
         let width = network.hidden_width();
         let mut first = vec![0.0; width.next_multiple_of(TILE) * padded];
@@ -87,7 +87,7 @@ impl BatchNetwork {
     /// Red, green and blue of features at a position (-1 to 1 in the box) along the directions of
     /// a batch.
     #[expect(clippy::cast_possible_truncation, reason = "values are float32")]
-    pub(super) fn colors(
+    pub fn colors(
         &self,
         network: &Network,
         batch: &Batch,

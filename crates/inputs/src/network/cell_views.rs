@@ -7,6 +7,7 @@ use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::model::field::RadianceField;
+use crate::model::grid::Bounds;
 
 /// Directions of a fit, at most: of functions up to degree 2, and of more.
 const MOST: [usize; 2] = [32, 48];
@@ -14,6 +15,8 @@ const MOST: [usize; 2] = [32, 48];
 const LEAST: usize = 6;
 /// Directions, all around, of a hidden cell.
 const HIDDEN: usize = 16;
+/// Directions of a cell around the space of cameras that none of them sees.
+const OUT_OF_SIGHT: usize = 2;
 
 /// Directions of a fit of a degree, at most.
 pub const fn most(degree: usize) -> usize {
@@ -25,11 +28,18 @@ pub const fn most(degree: usize) -> usize {
 pub struct CellViews {
     seen: CellVisibility,
     views: Views,
+    /// The space that the views look out of.
+    inner: Option<Bounds>,
     /// Directions of a cell, at most.
     most: usize,
 }
 
 impl CellViews {
+    /// Of views from within a box to its surroundings, whose own cells are seen from all around.
+    pub(super) fn from_within(self, inner: Bounds) -> Self {
+        Self { inner: Some(inner), ..self }
+    }
+
     /// Of the cameras that a fit of a degree uses; from all around if they are few. `geometry` is
     /// the field, whose colours do not count.
     ///
@@ -73,6 +83,7 @@ impl CellViews {
         Ok(Self {
             seen: CellVisibility::find(geometry, &views, limits, progress)?,
             views,
+            inner: None,
             most: most(degree),
         })
     }
@@ -89,18 +100,39 @@ impl CellViews {
 
     /// Unit directions into the scene along which the middle of a cell is seen.
     pub fn directions(&self, cell: [usize; 3]) -> Vec<[f64; 3]> {
-        let (mut views, mut most) = (self.seen.views(cell), self.most);
-        if views.len() < LEAST {
-            (views, most) = ((0..self.views.count()).collect(), HIDDEN);
+        let (middle, mut seen, mut most) =
+            (self.seen.middle(cell), self.seen.views(cell), self.most);
+        if let Some(inner) = &self.inner {
+            if contains(inner, middle) {
+                let around = Views::around();
+                return chosen(&around, &(0..around.count()).collect::<Vec<_>>(), HIDDEN, middle);
+            }
+            if seen.is_empty() {
+                let all: Vec<usize> = (0..self.views.count()).collect();
+                return chosen(&self.views, &all, OUT_OF_SIGHT, middle);
+            }
+        } else if seen.len() < LEAST {
+            (seen, most) = ((0..self.views.count()).collect(), HIDDEN);
         }
-        let count = views.len().min(most);
-        let middle = self.seen.middle(cell);
-        let chosen = (0..count).filter_map(|number| views.get(number * views.len() / count));
-        chosen.map(|&view| self.views.at(view, middle).0).collect()
+        chosen(&self.views, &seen, most, middle)
     }
 
     /// The fit of so many functions to the colours along a cell's directions.
     pub fn fit(&self, cell: [usize; 3], functions: usize) -> Fit {
         Fit::new(&self.directions(cell), functions)
     }
+}
+
+/// Unit directions of some views to a position, `most` at most.
+fn chosen(views: &Views, seen: &[usize], most: usize, position: [f64; 3]) -> Vec<[f64; 3]> {
+    let count = seen.len().min(most);
+    let chosen = (0..count).filter_map(|number| seen.get(number * seen.len() / count));
+    chosen.map(|&view| views.at(view, position).0).collect()
+}
+
+fn contains(bounds: &Bounds, position: [f64; 3]) -> bool {
+    let corners = bounds.min.into_iter().zip(bounds.max);
+    let within =
+        |(at, (min, max)): (f64, (f32, f32))| (f64::from(min)..=f64::from(max)).contains(&at);
+    position.into_iter().zip(corners).all(within)
 }

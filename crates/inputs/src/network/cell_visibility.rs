@@ -40,7 +40,7 @@ pub(super) struct CellVisibility {
 
 /// A field's box in cells.
 #[derive(Debug)]
-struct CellGrid {
+pub(super) struct CellGrid {
     nodes: [usize; 3],
     cells: [usize; 3],
     min: [f64; 3],
@@ -112,7 +112,7 @@ impl CellVisibility {
 }
 
 impl CellGrid {
-    fn new(field: &RadianceField) -> Self {
+    pub(super) fn new(field: &RadianceField) -> Self {
         let (bounds, Nodes(nodes)) = (&field.scene.bounds, field.scene.nodes);
         let cells = nodes.map(|count| count.min(CELLS));
         let mut edges = bounds.extent();
@@ -120,7 +120,8 @@ impl CellGrid {
         Self { nodes, cells, min: bounds.min.map(f64::from), edges }
     }
 
-    fn cell(&self, node: [usize; 3]) -> [usize; 3] {
+    /// The cell of a node.
+    pub(super) fn cell(&self, node: [usize; 3]) -> [usize; 3] {
         let mut cell = node;
         let axes = cell.iter_mut().zip(self.nodes).zip(self.cells);
         axes.for_each(|((at, nodes), cells)| *at = *at * cells / nodes);
@@ -132,7 +133,8 @@ impl CellGrid {
         (x * ny + y) * nz + z
     }
 
-    fn middle(&self, cell: [usize; 3]) -> [f64; 3] {
+    /// The middle of a cell, in world units.
+    pub(super) fn middle(&self, cell: [usize; 3]) -> [f64; 3] {
         let mut middle = self.min;
         let axes = middle.iter_mut().zip(cell).zip(self.edges);
         axes.for_each(|((at, cell), edge)| *at += (cell as f64 + 0.5) * edge);

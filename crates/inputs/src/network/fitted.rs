@@ -17,7 +17,7 @@ use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Silent};
 use crate::lazy::Lazy;
 use crate::model::field::{NodeValues, RadianceField};
-use crate::model::grid::Nodes;
+use crate::model::grid::{Bounds, Nodes};
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 
 /// Planes that threads fill at once, at most.
@@ -85,6 +85,8 @@ pub struct FittedColors<N: NodeColors> {
     /// The field that hides nodes from views.
     geometry: RadianceField,
     views: Views,
+    /// The space of cameras, where the field is what they see around them.
+    inner: Option<Bounds>,
     limits: Limits,
     prepared: Lazy<Prepared<N::Network>>,
     visible: VisibleNodes,
@@ -124,6 +126,7 @@ impl<N: NodeColors> FittedColors<N> {
             is_plain: false,
             geometry,
             views,
+            inner: None,
             limits,
             prepared,
             visible,
@@ -137,12 +140,23 @@ impl<N: NodeColors> FittedColors<N> {
         Self { harmonics: Harmonics { degree: 0, ..self.harmonics }, is_plain: true, ..self }
     }
 
+    /// The same of a field around the space that cameras stand in.
+    #[must_use]
+    pub fn seen_from(self, inner: Bounds) -> Self {
+        let views = self.views.within(&inner);
+        Self { views, inner: Some(inner), ..self }
+    }
+
     fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
         self.prepared.get(|| {
             let Self { colors, harmonics, geometry, views, limits, .. } = self;
             let network = colors.load(progress)?;
             let cells =
                 CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
+            let cells = match self.inner {
+                Some(inner) => cells.from_within(inner),
+                None => cells,
+            };
             Ok(Prepared { network, cells })
         })
     }

@@ -16,6 +16,7 @@ mod views;
 mod visible_nodes;
 
 pub use assumption::fit_assumption;
+pub use batch::{Batch, BatchNetwork, Scratch};
 pub use cell_views::CellViews;
 pub use fit::Fit;
 pub use fitted::{Colors, FindColors, FittedColors, NodeColors, OnNode};

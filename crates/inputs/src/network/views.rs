@@ -19,6 +19,8 @@ const AROUND: u32 = 64;
 const HELD_OUT_AROUND: u32 = 16;
 /// The turn from one spiral to the other, in radians.
 const TURN: f64 = 1.0;
+/// Distance of places within a box from its middle, in half its edges.
+const WITHIN: f64 = 0.7;
 /// Distance of held-out eyes from the middle of the box, in half diagonals.
 const EYE: f64 = 3.0;
 
@@ -35,10 +37,32 @@ impl Views {
     /// From cameras at these places, as far as fits use them; from all around if they are few.
     pub fn new(cameras: &[[f64; 3]]) -> Self {
         if cameras.len() < LEAST_CAMERAS {
-            return Self::Around(spiral(AROUND, 0.0));
+            return Self::around();
         }
         let fits = (0..).zip(cameras).filter(|(number, _)| !is_held_out(*number));
         Self::Cameras(fits.map(|(_, place)| *place).collect())
+    }
+
+    /// Cameras as they are; else places around the middle of a box, from which its surroundings are
+    /// seen.
+    #[must_use]
+    pub fn within(&self, inner: &Bounds) -> Self {
+        let Self::Around(directions) = self else { return self.clone() };
+        let places = directions.iter().map(|direction| {
+            let mut place = *direction;
+            let corners =
+                inner.min.into_iter().zip(inner.max).map(|(a, b)| (f64::from(a), f64::from(b)));
+            for (at, (min, max)) in place.iter_mut().zip(corners) {
+                *at = 0.5 * (min + max) + WITHIN * 0.5 * (max - min) * *at;
+            }
+            place
+        });
+        Self::Cameras(places.collect())
+    }
+
+    /// From all around.
+    pub fn around() -> Self {
+        Self::Around(spiral(AROUND, 0.0))
     }
 
     /// The words of provenance: none for those all around, a digest of cameras.

@@ -12,6 +12,7 @@ use crate::base::limits::{Budget, Limits};
 use crate::lazy::Lazy;
 use crate::model::grid::Element;
 use crate::model::harmonics::FUNCTIONS;
+use crate::model::ray_march::GrowingSteps;
 use crate::tensor::Tensor;
 
 /// Bytes that are read at once.
@@ -67,8 +68,10 @@ impl Values {
 /// The rules of a ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
-    /// Length of a step, in edges of the unit cube.
+    /// Length of a step, in edges of the unit cube; of the least one where they grow.
     pub(super) step: f64,
+    /// Steps that grow with the distance.
+    pub(super) growing: Option<GrowingSteps>,
     /// Transmittance below which a ray ends.
     pub(super) min_transmittance: f64,
     /// True if the colour is divided by the opacity there.
@@ -85,6 +88,8 @@ pub(super) struct NgpFile {
     /// True if the colour network takes the direction first, and not the first output of the other.
     pub(super) direction_first: bool,
     pub(super) reach: f64,
+    /// The scene is a cube of so many unit cubes along an edge, around the same middle.
+    pub(super) span: f64,
     pub(super) per_edge: f64,
     pub(super) frame: Frame,
     pub(super) occupancy: Occupancy,
@@ -123,6 +128,15 @@ impl NgpFile {
         let (layout, color) = (self.layout.clone(), Perceptron::new(color));
         let (reach, per_edge) = (self.reach, self.per_edge);
         Ok(Ngp { layout, table, density, color, reach, per_edge })
+    }
+
+    /// True if the density at a position of the cube counts: of one unit cube in occupied cells, of
+    /// larger scenes wherever the table reaches.
+    pub(super) fn shows(&self, at: [f64; 3]) -> bool {
+        match self.span > 1.0 {
+            true => at.iter().all(|at| (at - 0.5).abs() <= 0.5 * self.span),
+            false => self.occupancy.contains(at),
+        }
     }
 
     /// Bytes of the parameters in memory.

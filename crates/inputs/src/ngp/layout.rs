@@ -74,7 +74,7 @@ impl Sizes {
     }
 
     /// The levels whose sizes grow by a ratio, of which the binary logarithm is given. Both programs
-    /// compute scales in float32.
+    /// compute scales in float32; each function is rounded once, as theirs are.
     ///
     /// # Errors
     /// `Malformed` for levels of 2^20 nodes along an axis or more.
@@ -84,7 +84,9 @@ impl Sizes {
         let mut first = 0;
         for number in 0..self.levels {
             let (number, base) = (number as f32, self.base as f32);
-            let scale = libm::exp2f(number * log2_ratio) * base - 1.0;
+            #[expect(clippy::cast_possible_truncation, reason = "float32")]
+            let growth = libm::exp2(f64::from(number * log2_ratio)) as f32;
+            let scale = growth * base - 1.0;
             // Sizes are compared as floats: a cast would saturate.
             let size = libm::ceilf(scale) + 1.0;
             if !(size >= 1.0 && size < (1u32 << 20) as f32) {

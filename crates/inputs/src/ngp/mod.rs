@@ -32,8 +32,10 @@ mod model;
 mod occupancy;
 mod open;
 mod perceptron;
+mod ratio;
 mod snapshot;
 mod torch;
 mod values;
+mod world;
 
 pub use open::{knows_checkpoint, knows_snapshot, open_checkpoint, open_snapshot};

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::evaluate::{Ngp, harmonics};
-use super::file::NgpFile;
+use super::file::{NgpFile, Rules};
 use super::frame::Frame;
 use super::perceptron::LANES;
 use crate::base::error::Result;
@@ -32,6 +32,9 @@ struct Loaded {
     model: Arc<Ngp>,
 }
 
+/// Edges of the unit cube from the entry to where growing steps are counted from.
+const BEHIND: f64 = 1e-6;
+
 /// A ray in the unit cube.
 struct Path {
     origin: [f64; 3],
@@ -39,18 +42,43 @@ struct Path {
     /// The next sample, and the end.
     t: f64,
     end: f64,
+    /// Steps to the next sample, where they grow.
+    number: f64,
+}
+
+/// A place where the model is asked.
+struct Sample {
+    t: f64,
+    at: [f64; 3],
+    /// To the next one.
+    step: f64,
+}
+
+impl Path {
+    /// Goes to the next sample. Returns the step.
+    fn advance(&mut self, rules: &Rules) -> f64 {
+        let Some(growing) = &rules.growing else {
+            self.t += rules.step;
+            return rules.step;
+        };
+        self.number += 1.0;
+        let next = growing.distance(self.number);
+        let step = next - self.t;
+        self.t = next;
+        step
+    }
 }
 
 impl Loaded {
     /// The next samples in occupied cells, in their order.
-    fn next(&self, path: &mut Path, left: &mut SampleBudget) -> Vec<(f64, [f64; 3])> {
+    fn next(&self, path: &mut Path, left: &mut SampleBudget) -> Vec<Sample> {
         let mut samples = Vec::with_capacity(LANES);
         while samples.len() < LANES && path.t <= path.end && left.take() {
-            let at = point_at(path.origin, path.direction, path.t);
+            let (t, at) = (path.t, point_at(path.origin, path.direction, path.t));
+            let step = path.advance(&self.file.rules);
             if self.file.occupancy.contains(at) {
-                samples.push((path.t, at));
+                samples.push(Sample { t, at, step });
             }
-            path.t += self.file.rules.step;
         }
         samples
     }
@@ -62,10 +90,14 @@ impl TrainedModel for Loaded {
         let unit = unit_direction(ray);
         let (origin, direction) = (frame.to_cube(ray.origin.to_array()), Frame::turned(unit));
         let guard = ZeroGuard::Replace(f64::MIN_POSITIVE);
-        let [enters, end] = crossing(origin, direction, [[0.0; 3], [1.0; 3]], guard);
+        let corners = [0.5 - 0.5 * self.file.span, 0.5 + 0.5 * self.file.span];
+        let [enters, end] = crossing(origin, direction, corners.map(|at| [at; 3]), guard);
         let (enters, far) = (enters.max(0.0), rules.farthest() * frame.scale);
         let t = enters.min(far).max(f64::from(rules.near) * frame.scale);
-        let mut path = Path { origin, direction, t, end };
+        // Growing steps are counted from a little behind the entry.
+        let t = if own.growing.is_some() { t + BEHIND } else { t };
+        let number = own.growing.map_or(0.0, |growing| growing.number(t));
+        let mut path = Path { origin, direction, t, end, number };
         let seen = harmonics(&[unit; LANES]);
         let mut light = Composite::<3>::default();
         let mut left = SampleBudget::new(enters.max(t), own.step, progress);
@@ -74,14 +106,14 @@ impl TrainedModel for Loaded {
             if samples.is_empty() {
                 break;
             }
-            let positions: Vec<[f64; 3]> = samples.iter().map(|(_, at)| *at).collect();
+            let positions: Vec<[f64; 3]> = samples.iter().map(|sample| sample.at).collect();
             let geometry = self.model.geometry(&positions);
             let densities = self.model.densities(&geometry);
             let colors = seen.first().map(|seen| self.model.colors(&geometry, seen));
             let lanes = densities.into_iter().zip(colors.unwrap_or([[0.0; 3]; LANES]));
-            for ((t, _), (density, color)) in samples.into_iter().zip(lanes) {
-                let alpha = -libm::expm1(-density * own.step);
-                light.add(alpha, t / frame.scale, |_| Some(color));
+            for (sample, (density, color)) in samples.into_iter().zip(lanes) {
+                let alpha = -libm::expm1(-density * sample.step);
+                light.add(alpha, sample.t / frame.scale, |_| Some(color));
                 if light.transmittance < own.min_transmittance {
                     if own.divides {
                         light.divide_by_opacity();
@@ -96,7 +128,7 @@ impl TrainedModel for Loaded {
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn density(&self, position: [f64; 3]) -> f32 {
         let at = self.file.frame.to_cube(position);
-        if !self.file.occupancy.contains(at) {
+        if !self.file.shows(at) {
             return 0.0;
         }
         let [density, ..] = self.model.densities(&self.model.geometry(&[at]));

@@ -1,16 +1,19 @@
-//! The occupied cells of the unit cube.
+//! The occupied cells of the unit cube, and of cubes around it that are each twice as large.
 
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Bounds, Nodes};
 
 use super::frame::Frame;
 
-/// Cells of the unit cube, a cube of them.
+/// Cubes beyond the unit cube, at most.
+const MOST_CUBES: usize = 8;
+
+/// Cells of cubes around each other, as many in each.
 #[derive(Debug, Clone)]
 pub(super) struct Occupancy {
     side: usize,
-    /// In Morton order, x in the lowest bit.
-    cells: Vec<bool>,
+    /// Of each cube in Morton order, x in the lowest bit; the unit cube is the first.
+    cubes: Vec<Vec<bool>>,
     crop: Crop,
 }
 
@@ -27,9 +30,9 @@ pub(super) enum Crop {
 }
 
 impl Occupancy {
-    /// Of `side` cells along an edge, a power of 2; `cells` are in Morton order.
-    pub(super) fn new(side: usize, cells: Vec<bool>) -> Self {
-        Self { side, cells, crop: Crop::None }
+    /// Of `side` cells along an edge of each cube, a power of 2, in Morton order.
+    pub(super) fn new(side: usize, cubes: Vec<Vec<bool>>) -> Self {
+        Self { side, cubes, crop: Crop::None }
     }
 
     /// The same, shown in part.
@@ -65,21 +68,38 @@ impl Occupancy {
         axes.all(|(at, [low, high])| at >= low - distance && at <= high + distance)
     }
 
-    fn cell(&self, cell: [usize; 3]) -> bool {
+    /// The number of the smallest cube that holds a position, and its edge.
+    fn cube(position: [f64; 3]) -> (usize, f64) {
+        let farthest = position.iter().fold(0.0, |most: f64, at| most.max((at - 0.5).abs()));
+        let (mut number, mut edge) = (0, 1.0);
+        // No scene has more cubes; a position that is no number is in the first one.
+        while farthest > 0.5 * edge && number < MOST_CUBES {
+            (number, edge) = (number + 1, 2.0 * edge);
+        }
+        (number, edge)
+    }
+
+    /// The edge of a cell at a position, in edges of the unit cube.
+    pub(super) fn cell_edge(&self, position: [f64; 3]) -> f64 {
+        Self::cube(position).1 / self.side as f64
+    }
+
+    fn cell(&self, cube: usize, cell: [usize; 3]) -> bool {
         let mut number = 0;
         for bit in 0..usize::BITS / 3 {
             for (axis, at) in (0..).zip(cell) {
                 number |= (at >> bit & 1) << (3 * bit + axis);
             }
         }
-        self.cells.get(number).copied().unwrap_or(false)
+        self.cubes.get(cube).and_then(|cells| cells.get(number)).copied().unwrap_or(false)
     }
 
-    /// True if a position, 0 to 1 along each axis, lies in an occupied cell.
+    /// True if a position, in edges of the unit cube, lies in an occupied cell.
     pub(super) fn contains(&self, position: [f64; 3]) -> bool {
-        position.iter().all(|at| (0.0..=1.0).contains(at))
+        let (cube, edge) = Self::cube(position);
+        position.iter().all(|at| at.is_finite())
             && self.shows(position, 0.0)
-            && self.cell(position.map(|at| self.along(at)))
+            && self.cell(cube, position.map(|at| self.along((at - 0.5) / edge + 0.5)))
     }
 
     /// True if a cell within a distance of a position is occupied.
@@ -88,8 +108,15 @@ impl Occupancy {
         if !self.shows(position, distance) {
             return false;
         }
-        let [x, y, z] = position.map(|at| self.along(at - distance)..=self.along(at + distance));
-        x.into_iter().any(|x| y.clone().any(|y| z.clone().any(|z| self.cell([x, y, z]))))
+        let last = self.cubes.len().saturating_sub(1);
+        // Nodes on the outermost faces may be rounded beyond them.
+        let (cube, edge) = match Self::cube(position) {
+            (cube, edge) if cube > last => (last, edge / 2.0),
+            found => found,
+        };
+        let along = |at: f64| self.along((at - 0.5) / edge + 0.5);
+        let [x, y, z] = position.map(|at| along(at - distance)..=along(at + distance));
+        x.into_iter().any(|x| y.clone().any(|y| z.clone().any(|z| self.cell(cube, [x, y, z]))))
     }
 
     fn along(&self, at: f64) -> usize {
@@ -98,13 +125,13 @@ impl Occupancy {
         cell.min(self.side - 1)
     }
 
-    /// The same as a mask of free space in the world.
+    /// The cells of the unit cube as a mask of free space in the world.
     pub(super) fn free_space(&self, frame: &Frame) -> FreeSpace {
         let side = self.side;
         let mut inside = Vec::with_capacity(side.pow(3));
         for x in 0..side {
             for y in 0..side {
-                inside.extend((0..side).map(|z| self.cell(Frame::turned([x, y, z]))));
+                inside.extend((0..side).map(|z| self.cell(0, Frame::turned([x, y, z]))));
             }
         }
         let cells = side as f64;

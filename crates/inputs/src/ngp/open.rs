@@ -6,13 +6,15 @@ use super::file::NgpFile;
 use super::model::Unloaded;
 use super::occupancy::Crop;
 use super::values::{DensityValues, Samples};
+use super::world::NgpWorld;
 use super::{snapshot, torch};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
+use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene, Shell};
 use crate::model::grid::Nodes;
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
+use crate::nested::{self, Colors, Middle};
 use crate::network::{FittedColors, fit_assumption};
 use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, Source};
@@ -91,7 +93,10 @@ fn source(
         let message = "--mlp takes a network once a ray, and this model's runs for each sample";
         return Err(Error::usage(message));
     }
+    let is_unbounded = model.span > 1.0;
     let side = options.resolution.unwrap_or(RESOLUTION);
+    // Boxes around each other share every second node.
+    let side = if is_unbounded { side.max(3) | 1 } else { side };
     let nodes = Nodes::checked([side as u64; 3], limits, &Place::Key("resolution".to_owned()))?;
     let plain = options.view == ViewChoice::None || options.mlp == MlpChoice::None;
     let degree = match options.view {
@@ -115,7 +120,7 @@ fn source(
         far: None,
         color_threshold: options.color_threshold.unwrap_or(COLOR_THRESHOLD),
         alpha_threshold: 0.0,
-        sampled: model.occupancy.sampled(&model.frame),
+        sampled: model.occupancy.sampled(&model.frame).filter(|_| !is_unbounded),
         voxel: None,
     };
     let scene = Scene {
@@ -136,6 +141,10 @@ fn source(
         free_space: Some(model.occupancy.free_space(&model.frame)),
         shells: Vec::new(),
     };
+    if is_unbounded {
+        let colors = Colors { harmonics: rules, plain, cameras: &options.cameras };
+        field.shells = shells(&model, &field, options, &colors, limits)?;
+    }
     let colors = FittedColors::new(samples, rules, field.clone(), &options.cameras, limits);
     let colors = if plain { colors.plain() } else { colors };
     field.color.push(Grid::Values(Arc::new(colors)));
@@ -148,6 +157,7 @@ fn source(
         family,
         kind: file.kind,
         has_checksums: file.has_checksums,
+        is_unbounded,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),
@@ -155,6 +165,24 @@ fn source(
         file: Arc::clone(&file.file),
         side_files: Vec::new(),
     })
+}
+
+/// The boxes around the unit cube.
+fn shells(
+    model: &Arc<NgpFile>,
+    field: &RadianceField,
+    options: &SourceOptions,
+    colors: &Colors<'_>,
+    limits: &Limits,
+) -> Result<Vec<Shell>> {
+    let (first, radius) = (field.lattice(), 0.5 / model.frame.scale);
+    let center = model.frame.offset.map(|offset| (0.5 - offset) / model.frame.scale);
+    let extent = options.extent.map_or(model.span, f64::from).min(model.span);
+    let place = Place::Key("snapshot.nerf.aabb_scale".to_owned());
+    let lattices = nested::boxes(first, Middle { center, radius }, extent, limits, &place)?;
+    let world = Arc::new(NgpWorld(Arc::clone(model)));
+    let around = lattices.get(1..).unwrap_or_default();
+    Ok(nested::shells(&world, field, around, first.bounds, colors, limits))
 }
 
 /// What is made of the box that a snapshot shows.

@@ -12,11 +12,13 @@ use super::file::{Matrix, NgpFile, Rules, Values, check_network};
 use super::frame::Frame;
 use super::layout::{Layout, Sizes};
 use super::occupancy::{Crop, Occupancy};
+use super::ratio::ratio;
 use crate::base::error::{Error, NEWER, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::lazy::Lazy;
 use crate::model::grid::Element;
 use crate::model::harmonics::FUNCTIONS;
+use crate::model::ray_march::GrowingSteps;
 use crate::options::SourceOptions;
 use crate::tensor::{Tensor, TensorFile, Value};
 
@@ -33,6 +35,10 @@ const MOST_LAYERS: i64 = 16;
 const MOST_CELLS: i64 = 256;
 /// Densities above this, or above the mean, are occupied.
 const OCCUPIED: f64 = 0.01;
+/// Steps grow by this share of the distance in scenes of several unit cubes, up to so many of the
+/// least ones.
+const GROWTH: f64 = 1.0 / 256.0;
+const LONGEST: f64 = 1024.0;
 /// The version that is known. Snapshots before it, of July 2022, state none: their cells are float32.
 const VERSION: i64 = 1;
 /// The box that is shown, in the unit cube's axes, and the rotation of its own.
@@ -101,12 +107,8 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         Some(_) => keys.integer("snapshot.nerf.aabb_scale", None, 128)?,
         None => keys.integer("snapshot.nerf.dataset.aabb_scale", Some(1), 128)?,
     };
-    if aabb != 1 && !options.drop_background {
-        let found = format!("a scene of {aabb} unit cubes along an edge, in steps that grow");
-        let expected = "1 (--drop-background keeps the unit cube in the middle)";
-        return Err(Error::unsupported(place("snapshot.nerf.aabb_scale"), found, expected));
-    }
     let reach = aabb.max(1) as f64;
+    let span = if options.drop_background { 1.0 } else { reach };
     let sizes = Sizes {
         levels: unsigned(keys.integer("encoding.n_levels", Some(16), i64::MAX)?),
         features: unsigned(keys.integer("encoding.n_features_per_level", Some(2), i64::MAX)?),
@@ -121,11 +123,8 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         None => None,
     };
     let width = usize::try_from(sizes.levels * sizes.features).unwrap_or(0);
-    if !width.is_multiple_of(MULTIPLE) {
-        let found = format!("{width} features of all levels");
-        let expected = format!("a multiple of {MULTIPLE}: others are padded");
-        return Err(Error::unsupported(place("encoding"), found, expected));
-    }
+    // A network behind a table takes zeros for the rest.
+    let width = width.next_multiple_of(MULTIPLE);
     let density = shapes(&keys, "network", width, GEOMETRY)?;
     let color = shapes(&keys, "rgb_network", GEOMETRY + FUNCTIONS, MULTIPLE)?;
     let own =
@@ -161,6 +160,8 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     check_network(&color, GEOMETRY + FUNCTIONS, 3, &place("rgb_network"))?;
     let table = values(layout.entries() * sizes.features);
     let step = libm::sqrt(3.0) / 1024.0;
+    let growing = (span > 1.0).then(|| GrowingSteps::new(step, step * LONGEST, GROWTH));
+    let cubes = [cascades(aabb), if span > 1.0 { cascades(aabb) } else { 1 }];
     Ok(NgpFile {
         layout,
         table,
@@ -168,10 +169,11 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         color,
         direction_first: false,
         reach,
+        span,
         per_edge: 1.0,
         frame: frame(&keys)?,
-        occupancy: occupancy(&keys, cascades(aabb), crop(&keys)?, limits)?,
-        rules: Rules { step, min_transmittance: 0.01, divides: true },
+        occupancy: occupancy(&keys, cubes, crop(&keys, span)?, limits)?,
+        rules: Rules { step, growing, min_transmittance: 0.01, divides: true },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })
@@ -202,26 +204,30 @@ fn cascades(aabb: i64) -> u32 {
     (0..7u32).find(|&number| 1i64 << number >= aabb).map_or(8, |larger| larger + 1)
 }
 
-/// The part of the unit cube that is shown, if it is not all of it.
-fn crop(keys: &Keys<'_>) -> Result<Crop> {
+/// The part of a scene that is shown, if it is not all of `span` unit cubes along an edge.
+fn crop(keys: &Keys<'_>, span: f64) -> Result<Crop> {
     let corner = |name: &str| -> Result<Option<[f64; 3]>> {
         let path = format!("{CROP}.{name}");
         keys.find(&path).map(|value| value.vector3(&path)).transpose()
     };
     let (Some(min), Some(max)) = (corner("min")?, corner("max")?) else { return Ok(Crop::None) };
     let axes = || min.into_iter().zip(max);
-    if axes().all(|(min, max)| min <= 0.0 && max >= 1.0) {
+    let [low, high] = [0.5 - 0.5 * span, 0.5 + 0.5 * span];
+    if axes().all(|(min, max)| min <= low && max >= high) {
         return Ok(Crop::None);
     }
     if is_turned(keys)? {
         return Ok(Crop::LeftOut);
     }
-    let mut within = [[0.0, 1.0]; 3];
-    within.iter_mut().zip(axes()).for_each(|(own, (min, max))| *own = [min.max(0.0), max.min(1.0)]);
+    let mut within = [[low, high]; 3];
+    within
+        .iter_mut()
+        .zip(axes())
+        .for_each(|(own, (min, max))| *own = [min.max(low), max.min(high)]);
     if !within.iter().all(|[low, high]| low < high) {
         let place = Place::Key(CROP.to_owned());
         let found = format!("a box from {min:?} to {max:?}");
-        return Err(Error::malformed(place, found, "a part of the unit cube"));
+        return Err(Error::malformed(place, found, "a part of the scene"));
     }
     Ok(Crop::Box(within))
 }
@@ -317,11 +323,13 @@ fn layout(
     count: u64,
 ) -> Result<Layout> {
     let place = Place::Key("snapshot.n_params".to_owned());
-    let ratio = stated.unwrap_or_else(|| ratio(sizes, finest));
+    let ratio = stated.unwrap_or_else(|| ratio(sizes.levels, sizes.base, finest));
     let mut expected = Vec::new();
     for ratio in [ratio, ratio.next_up(), ratio.next_down()] {
         let place = Place::Key("encoding".to_owned());
-        let layout = sizes.layout(libm::log2f(ratio), &place)?;
+        #[expect(clippy::cast_possible_truncation, reason = "float32")]
+        let log2_ratio = libm::log2(f64::from(ratio)) as f32;
+        let layout = sizes.layout(log2_ratio, &place)?;
         let parameters = networks + layout.entries() * sizes.features;
         if parameters == count {
             return Ok(layout);
@@ -331,16 +339,6 @@ fn layout(
     let expected =
         format!("{} for this configuration", expected.first().map_or("", String::as_str));
     Err(Error::malformed(place, count.to_string(), expected))
-}
-
-/// The ratio of levels that ends at `finest` nodes along an axis, in float32 as it was computed.
-#[expect(clippy::cast_possible_truncation, reason = "float32")]
-fn ratio(sizes: &Sizes, finest: f64) -> f32 {
-    if sizes.levels < 2 {
-        return 1.0;
-    }
-    let steps = (sizes.levels - 1) as f32;
-    libm::expf(libm::logf(finest as f32 / sizes.base as f32) / steps)
 }
 
 /// The place of the unit cube in the world.
@@ -360,8 +358,13 @@ fn frame(keys: &Keys<'_>) -> Result<Frame> {
     Ok(Frame { scale, offset })
 }
 
-/// The cells whose density is above a threshold.
-fn occupancy(keys: &Keys<'_>, cascades: u32, crop: Crop, limits: &Limits) -> Result<Occupancy> {
+/// The cells whose density is above a threshold: the first cubes of those that are stored.
+fn occupancy(
+    keys: &Keys<'_>,
+    [stored, used]: [u32; 2],
+    crop: Crop,
+    limits: &Limits,
+) -> Result<Occupancy> {
     let size = keys.integer("snapshot.density_grid_size", Some(128), MOST_CELLS)?;
     let side = usize::try_from(size).unwrap_or(0);
     if !side.is_power_of_two() {
@@ -370,20 +373,27 @@ fn occupancy(keys: &Keys<'_>, cascades: u32, crop: Crop, limits: &Limits) -> Res
     }
     let tensor = keys.tensor("snapshot.density_grid_binary")?;
     let cells = side.pow(3);
-    let bytes = 2 * cells as u64 * u64::from(cascades);
+    let bytes = 2 * cells as u64 * u64::from(stored);
     if tensor.element() != Element::U8 || tensor.count() != bytes {
         let found = format!("{} bytes", tensor.bytes());
-        let expected =
-            format!("{bytes}, two for each of {cells} cells of each of {cascades} cubes");
+        let expected = format!("{bytes}, two for each of {cells} cells of each of {stored} cubes");
         return Err(Error::malformed(tensor.place(), found, expected));
     }
     let mut budget = Budget::new(limits);
+    let storage = tensor.storage(&mut budget)?;
     let mut bytes: Vec<u8> = budget.zeroed(2 * cells, "bytes of cells", &tensor.place())?;
-    tensor.storage(&mut budget)?.read_into(0, &mut bytes)?;
-    let mut densities = vec![0.0f32; cells];
-    Element::F16.decode(&bytes, &mut densities);
-    let sum: f64 = densities.iter().map(|density| f64::from(density.max(0.0))).sum();
-    let least = OCCUPIED.min(sum / cells as f64);
-    let occupied = densities.into_iter().map(|density| f64::from(density) > least);
-    Ok(Occupancy::new(side, occupied.collect()).cropped(crop))
+    let mut densities: Vec<f32> = budget.zeroed(cells, "bytes of cells", &tensor.place())?;
+    let (mut cubes, mut least) = (Vec::new(), None);
+    for number in 0..u64::from(used) {
+        budget.spend(cells as u64, "bytes of cells", &tensor.place())?;
+        storage.read_into(number * 2 * cells as u64, &mut bytes)?;
+        Element::F16.decode(&bytes, &mut densities);
+        // The mean is that of the unit cube.
+        let least = *least.get_or_insert_with(|| {
+            let sum: f64 = densities.iter().map(|density| f64::from(density.max(0.0))).sum();
+            OCCUPIED.min(sum / cells as f64)
+        });
+        cubes.push(densities.iter().map(|density| f64::from(*density) > least).collect());
+    }
+    Ok(Occupancy::new(side, cubes).cropped(crop))
 }

@@ -101,10 +101,11 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         color,
         direction_first: true,
         reach: bound / half,
+        span: 1.0,
         per_edge: 2.0 * half,
         frame,
         occupancy: occupancy(required(file, "density_bitfield")?, limits)?,
-        rules: Rules { step, min_transmittance: 1e-4, divides: false },
+        rules: Rules { step, growing: None, min_transmittance: 1e-4, divides: false },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })
@@ -162,5 +163,5 @@ fn occupancy(tensor: &Tensor, limits: &Limits) -> Result<Occupancy> {
     let mut bits: Vec<u8> = budget.zeroed(bytes, "bytes of cells", &tensor.place())?;
     tensor.storage(&mut budget)?.read_into(0, &mut bits)?;
     let cells = bits.into_iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1));
-    Ok(Occupancy::new(SIDE, cells.collect()))
+    Ok(Occupancy::new(SIDE, vec![cells.collect()]))
 }

@@ -119,6 +119,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         family: Family::Plenoxels,
         kind: file.kind,
         has_checksums: file.has_checksums,
+        is_unbounded: false,
         scene_scale,
         assumptions,
         recorded,

@@ -79,6 +79,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         family: Family::Sampled,
         kind: file.kind,
         has_checksums: file.has_checksums,
+        is_unbounded: false,
         scene_scale: 1.0,
         assumptions,
         recorded,

@@ -6,7 +6,7 @@ use super::assets::Assets;
 use super::parameters::Parameters;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
-use crate::folder::{self, Folder, Found};
+use crate::folder::{self, Folder, Found, InputOrder};
 use crate::merf;
 use crate::options::SourceOptions;
 use crate::source::{Family, Source};
@@ -26,7 +26,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let family = Family::Snerg;
     folder::refuse_other_views(family.name(), options)?;
     let parameters = Parameters::read(file, limits)?;
-    let stored = folder::read_network(file, &mut Budget::new(limits))?;
+    let stored = folder::read_network(file, InputOrder::DirectionFirst, &mut Budget::new(limits))?;
     let place = Place::Key("grid_width".to_owned());
     let scene = folder::scene(&parameters.cells(), options, &place)?;
     let of = Folder::of(file.file.path());

@@ -95,6 +95,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         family: Family::Vdb,
         kind: file.kind,
         has_checksums: file.has_checksums,
+        is_unbounded: false,
         scene_scale: 1.0,
         assumptions,
         recorded: Vec::new(),

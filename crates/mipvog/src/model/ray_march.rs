@@ -127,6 +127,74 @@ pub enum Next {
     End,
 }
 
+/// Steps that are even near the camera, grow with the distance from it farther out, and are even
+/// again far away.
+///
+/// ```text
+/// step = least         up to t = least / ln(1 + growth)
+///        growth t      up to t = most / ln(1 + growth)
+///        most          beyond
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct GrowingSteps {
+    least: f64,
+    most: f64,
+    /// Natural logarithm of the ratio of a distance to the one before.
+    log_ratio: f64,
+    /// Distances at which steps begin to grow and cease to.
+    bends: [f64; 2],
+}
+
+impl GrowingSteps {
+    /// From a least length to the longest one, each longer by a share of the distance.
+    pub fn new(least: f64, most: f64, growth: f64) -> Self {
+        let log_ratio = libm::log1p(growth);
+        Self { least, most, log_ratio, bends: [least / log_ratio, most / log_ratio] }
+    }
+
+    /// The number of steps to a distance, up to a constant; whole numbers apart are whole steps.
+    pub fn number(&self, distance: f64) -> f64 {
+        let [near, far] = self.bends;
+        let of_bend = |bend: f64| libm::log(bend) / self.log_ratio;
+        if distance <= near {
+            (distance - near) / self.least + of_bend(near)
+        } else if distance <= far {
+            of_bend(distance)
+        } else {
+            (distance - far) / self.most + of_bend(far)
+        }
+    }
+
+    /// The distance of a number of steps.
+    pub fn distance(&self, number: f64) -> f64 {
+        let [near, far] = self.bends;
+        let [at_near, at_far] = self.bends.map(|bend| libm::log(bend) / self.log_ratio);
+        if number <= at_near {
+            (number - at_near) * self.least + near
+        } else if number <= at_far {
+            libm::exp(number * self.log_ratio)
+        } else {
+            (number - at_far) * self.most + far
+        }
+    }
+}
+
+/// Visits samples at distances of any spacing, front to back, until there is no next one or a visit
+/// asks for the end, and no more than any ray may have. [`Next::Number`] is a step here.
+pub fn walk(
+    mut next: impl FnMut() -> Option<f64>,
+    progress: &dyn Progress,
+    mut visit: impl FnMut(f64) -> Next,
+) {
+    let mut left = SampleBudget::new(0.0, 1.0, progress);
+    while left.take() {
+        let Some(t) = next() else { return };
+        if visit(t) == Next::End {
+            return;
+        }
+    }
+}
+
 impl Steps {
     /// Visits the samples front to back, by their distances, from the one numbered `first` on, and
     /// no more than any ray may have.
@@ -290,6 +358,18 @@ mod tests {
             });
             assert!(visits <= March::MAX_SAMPLES, "{start}");
             assert_eq!(visits == 0, start > 1e13 || start.is_nan(), "{start}: {visits}");
+        }
+    }
+
+    #[test]
+    fn steps_grow_with_the_distance() {
+        let steps = GrowingSteps::new(0.01, 1.0, 1.0 / 256.0);
+        for distance in [0.0, 1.0, 2.6, 40.0, 255.0, 300.0, 1e6] {
+            let number = steps.number(distance);
+            assert!((steps.distance(number) - distance).abs() < 1e-9 * (1.0 + distance));
+            let step = steps.distance(number + 1.0) - distance;
+            let expected = (distance / 256.0).clamp(0.01, 1.0);
+            assert!((step / expected - 1.0).abs() < 0.01, "{step} at {distance}");
         }
     }
 

@@ -1,0 +1,102 @@
+//! Colours of a model at the nodes of a box, along directions.
+
+use std::sync::Arc;
+
+use super::cell::points;
+use super::world::ColoredWorld;
+use crate::base::error::Result;
+use crate::base::progress::Progress;
+use crate::model::field::Lattice;
+use crate::model::grid::Nodes;
+use crate::network::{Colors, NodeColors, OnNode, visit};
+
+/// Points that stop a smaller share of the light than this add no colour.
+const FAINT: f64 = 0.02;
+
+/// The colours of a model at the nodes of a box.
+#[derive(Debug)]
+pub(super) struct SampledColors<W> {
+    pub(super) world: Arc<W>,
+    pub(super) lattice: Lattice,
+}
+
+impl<W: ColoredWorld> SampledColors<W> {
+    /// The points that a node's colour is a mean of, with their shares.
+    fn shares(
+        &self,
+        loaded: &W::Loaded,
+        node: [usize; 3],
+        densities: &mut Vec<f64>,
+    ) -> Vec<([f64; 3], f64)> {
+        let points = points(&*self.world, &self.lattice, node, true);
+        if let [point] = points.as_slice() {
+            return vec![(*point, 1.0)];
+        }
+        densities.clear();
+        self.world.densities(loaded, &points, true, densities);
+        let spacing = self.lattice.nodes.spacing(&self.lattice.bounds);
+        let edge = spacing.into_iter().fold(0.0, f64::max) / libm::cbrt(points.len() as f64);
+        let stopped = |density: &f64| -libm::expm1(-density * edge);
+        let all: f64 = densities.iter().map(stopped).sum();
+        let shares = points.into_iter().zip(densities.iter().map(stopped));
+        let shown: Vec<_> = shares.filter(|(_, share)| *share > FAINT * all).collect();
+        let sum: f64 = shown.iter().map(|(_, share)| share).sum();
+        match sum > 0.0 {
+            true => shown.into_iter().map(|(point, share)| (point, share / sum)).collect(),
+            // Nothing is there, but the colour counts between this node and the next one.
+            false => vec![(self.lattice.position(node), 1.0)],
+        }
+    }
+}
+
+impl<W: ColoredWorld> NodeColors for SampledColors<W> {
+    type Network = W::Loaded;
+    type Along = W::Along;
+
+    fn nodes(&self) -> Nodes {
+        self.lattice.nodes
+    }
+
+    fn memory_bytes(&self, _: usize) -> [u64; 2] {
+        // Those of density stand for the model.
+        [0; 2]
+    }
+
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.world.digest(hash)
+    }
+
+    fn load(&self, _: &dyn Progress) -> Result<Arc<W::Loaded>> {
+        self.world.load()
+    }
+
+    fn along(&self, loaded: &W::Loaded, directions: &[[f64; 3]]) -> W::Along {
+        self.world.along(loaded, directions)
+    }
+
+    fn visit(
+        &self,
+        loaded: &W::Loaded,
+        x: usize,
+        region: &[u64],
+        on_node: OnNode<'_, W::Along>,
+    ) -> Result<()> {
+        let mut densities = Vec::new();
+        let mut of_point: Colors = Colors::default();
+        visit(self.lattice.nodes, region, |[y, z]| {
+            let shares = self.shares(loaded, [x, y, z], &mut densities);
+            on_node([y, z], &mut |along, colors| {
+                colors.iter_mut().for_each(Vec::clear);
+                for (point, share) in &shares {
+                    self.world.colors(loaded, along, *point, &mut of_point);
+                    for (sums, found) in colors.iter_mut().zip(&of_point) {
+                        sums.resize(found.len(), 0.0);
+                        let terms = sums.iter_mut().zip(found);
+                        terms.for_each(|(sum, color)| *sum += share * color);
+                    }
+                }
+            });
+        });
+        Ok(())
+    }
+}

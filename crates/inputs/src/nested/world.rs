@@ -1,0 +1,59 @@
+//! A model of a whole scene.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use crate::base::error::Result;
+use crate::network::Colors;
+
+/// A model that has values everywhere in the world.
+pub trait World: Debug + Send + Sync {
+    /// Its values in memory.
+    type Loaded: Debug + Send + Sync;
+
+    /// Reads the values.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn load(&self) -> Result<Arc<Self::Loaded>>;
+
+    /// Bytes of the values in memory, at most.
+    fn memory_bytes(&self) -> u64;
+
+    /// Feeds a digest with samples of the bytes that stand for all values.
+    ///
+    /// # Errors
+    /// Those of reading.
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
+
+    /// The distance at which the model tells values apart at a position, in world units.
+    fn detail(&self, position: [f64; 3]) -> f64;
+
+    /// Adds the optical depth per world unit at each position. With `masked` it is 0 where the model
+    /// takes no samples.
+    fn densities(
+        &self,
+        loaded: &Self::Loaded,
+        positions: &[[f64; 3]],
+        masked: bool,
+        densities: &mut Vec<f64>,
+    );
+}
+
+/// A model whose colours depend on the view, sample by sample.
+pub trait ColoredWorld: World {
+    /// Directions, prepared for its colours.
+    type Along;
+
+    /// Prepares unit directions into the scene.
+    fn along(&self, loaded: &Self::Loaded, directions: &[[f64; 3]]) -> Self::Along;
+
+    /// The colours at a position along directions.
+    fn colors(
+        &self,
+        loaded: &Self::Loaded,
+        along: &Self::Along,
+        position: [f64; 3],
+        colors: &mut Colors,
+    );
+}
