@@ -51,8 +51,12 @@ class BakeOptions(TypedDict, total=False):
     from."""
 
     drop_background: Optional[bool]
-    """Drop surroundings that a container cannot represent: Plenoxels' background spheres, the
+    """Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
     contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP."""
+
+    extent: Optional[float]
+    """How far the outermost box of an unbounded scene reaches, in half sides of its inner box
+    [default: all that the model shows]"""
 
     external: Optional[bool]
     """Link a .glb to the container by URI instead of embedding it."""
@@ -165,7 +169,8 @@ class BakeOptions(TypedDict, total=False):
 
     resolution: Optional[int]
     """Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
-    torch-ngp) [default: 256]; cells along each axis of PeRFception's Plenoxels; for export, cubic
+    torch-ngp) [default: 256], or along an edge of an unbounded scene's first box [default: as many
+    as the model has there]; cells along each axis of PeRFception's Plenoxels; for export, cubic
     cells along the longest axis instead of nodes."""
 
     scene_scale: Optional[float]
