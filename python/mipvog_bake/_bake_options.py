@@ -51,7 +51,7 @@ class BakeOptions(TypedDict, total=False):
     from."""
 
     drop_background: Optional[bool]
-    """Drop surroundings that a container cannot represent: Plenoxels' background spheres, the
+    """Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
     contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP."""
 
     external: Optional[bool]

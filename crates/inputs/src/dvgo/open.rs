@@ -27,7 +27,8 @@ const DEGREE: usize = 2;
 /// True for checkpoints of DirectVoxGO whose network takes the colours' features of each sample.
 pub fn knows(file: &TensorFile) -> bool {
     let names = NamedValues::new(file);
-    let contracted = names.weight("scene_center").is_some();
+    let signs = ["scene_center", "scene_radius"].iter().any(|name| names.weight(name).is_some());
+    let contracted = signs || names.setting("contracted_norm").is_some();
     let direct = contracted || names.flag("rgbnet_direct").unwrap_or(false);
     let channels = match (names.tensor("k0.grid"), names.tensor("k0.f_vec")) {
         (Some(grid), _) => grid.shape().get(1).copied(),
