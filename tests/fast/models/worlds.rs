@@ -313,7 +313,8 @@ fn sampled_arrays_may_have_boxes_around_the_first() {
     let light =
         model.ray_colors(&[ray([1.0, 0.0, 0.0]), ray([-1.0, 0.0, 0.0])], 0, &Silent).expect("rays");
     assert!(light[0].transmittance < 1e-3 && light[1].transmittance > 0.99, "{light:?}");
-    assert!((light[0].color[1] - 0.5).abs() < 0.05, "{light:?}");
+    // The wall, and the colours between it and the node before it.
+    assert!(light[0].color[0] > 0.5 && light[0].color[2] < 0.5, "{light:?}");
     let inner = SourceOptions { drop_background: true, ..plain.clone() };
     let source = of_bytes(arrays(&sampled(3, 2.0)), &inner).expect("the first box");
     assert!(source.field.shells.is_empty() && source.model.is_some());

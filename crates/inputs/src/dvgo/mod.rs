@@ -17,6 +17,7 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod contraction;
+mod fitted;
 mod model;
 mod open;
 mod open_unbounded;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::contraction::Contraction;
-use super::open::{harmonics, network};
+use super::fitted::{harmonics, network};
 use super::unbounded_model::{REACH, Unloaded};
 use super::world::WorldFile;
 use crate::base::error::{Place, Result};
