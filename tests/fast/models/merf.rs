@@ -110,7 +110,6 @@ fn lies_are_found() {
             std::fs::write(folder.join("scene_params.json"), text.to_string()).expect("writable");
         })
     };
-    unsupported(broken(&SourceOptions::default(), |_| {}), "--drop-background");
     unsupported(with("triplane_voxel_size", json!(0.1)), "contracted space in 64 voxels");
     unsupported(with("num_submodels", json!(25)), "SMERF");
     unsupported(with("ndc", json!(true)), "normalised device coordinates");

@@ -345,7 +345,7 @@ fn lies_are_found() {
     unsupported(with(&["snapshot", "density_grid_size"], Int(24)), "24");
     unsupported(with(&["snapshot", "version"], Int(2)), "version 2");
     unsupported(with(&["snapshot", "mode"], Text("sdf")), "sdf");
-    unsupported(with(&["snapshot", "nerf", "aabb_scale"], Int(4)), "--drop-background");
+    malformed(with(&["snapshot", "nerf", "aabb_scale"], Int(4)), "each of 3 cubes");
     unsupported(with(&["snapshot", "nerf", "dataset", "is_hdr"], Bool(true)), "upper bound");
     unsupported(with(&["encoding", "otype"], Text("TriangleWave")), "TriangleWave");
     unsupported(with(&["network", "activation"], Text("Squareplus")), "Squareplus");

@@ -9,8 +9,11 @@ use crate::common::torch::Item;
 use mipvog::base::error::{Error, ErrorKind};
 use mipvog::base::limits::Limits;
 use mipvog::base::progress::Silent;
+use mipvog::model::camera::Ray;
 use mipvog::model::field::RadianceField;
+use mipvog_inputs::tensor::{Row, safetensors_header};
 use mipvog_inputs::{Source, SourceOptions, open_with};
+use std::collections::BTreeMap;
 
 /// Half the edge of the inner box of the reference scene of DirectVoxGO, and its middle.
 const RADIUS: f64 = 1.7;
@@ -255,4 +258,78 @@ fn a_whole_merf_scene_follows_its_own_rules() {
     let mut plane = vec![0.0; ny * nz];
     shell.color[0].read_plane(4, nx / 3, &mut plane, |_| {}).expect("features");
     assert!(plane.iter().all(|value| value.is_finite()));
+}
+
+/// A safetensors file of float32 arrays.
+fn arrays(tensors: &[(String, Vec<usize>, Vec<f32>)]) -> Vec<u8> {
+    let rows: Vec<Row> = tensors
+        .iter()
+        .map(|(name, shape, _)| Row::new(name.clone(), "F32", shape).expect("a shape"))
+        .collect();
+    let header = safetensors_header(&BTreeMap::new(), &rows);
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header.as_bytes());
+    let values = tensors.iter().flat_map(|(_, _, values)| values);
+    bytes.extend(values.flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+/// Boxes of 9 nodes along each edge, each `growth` times as large as the one before; a ball of radius
+/// 0.8 and a wall at x of 3 and beyond.
+fn sampled(levels: i32, growth: f64) -> Vec<(String, Vec<usize>, Vec<f32>)> {
+    let mut tensors = Vec::new();
+    for level in 0..levels {
+        let key = |name: &str| match level {
+            0 => name.to_owned(),
+            level => format!("level{level}.{name}"),
+        };
+        let half = growth.powi(level);
+        let axis = |at: usize| half * (at as f64 / 4.0 - 1.0);
+        let (mut density, mut color) = (Vec::new(), Vec::new());
+        for node in 0..729 {
+            let [x, y, z] = [node / 81, node / 9 % 9, node % 9].map(axis);
+            let is_dense = x * x + y * y + z * z < 0.64 || x >= 3.0;
+            density.push(if is_dense { 20.0 } else { -20.0 });
+            color.extend(if x >= 3.0 { [1.0, 0.5, 0.0] } else { [0.0, 0.0, 1.0] });
+        }
+        tensors.push((key("density"), vec![9, 9, 9], density));
+        tensors.push((key("color"), vec![9, 9, 9, 3], color));
+        let (low, high) = (-half as f32, half as f32);
+        tensors.push((key("aabb"), vec![2, 3], vec![low, low, low, high, high, high]));
+    }
+    tensors
+}
+
+#[test]
+fn sampled_arrays_may_have_boxes_around_the_first() {
+    let plain = SourceOptions::default();
+    let source = of_bytes(arrays(&sampled(3, 2.0)), &plain).expect("three boxes");
+    nested(&source.field);
+    assert_eq!(source.field.lattices().len(), 3);
+    assert!(source.model.is_none());
+    let model = renderer(&source);
+    let ray =
+        |direction: [f64; 3]| Ray { origin: [0.0, 0.9, 0.9].into(), direction: direction.into() };
+    let light =
+        model.ray_colors(&[ray([1.0, 0.0, 0.0]), ray([-1.0, 0.0, 0.0])], 0, &Silent).expect("rays");
+    assert!(light[0].transmittance < 1e-3 && light[1].transmittance > 0.99, "{light:?}");
+    // The wall, and the colours between it and the node before it.
+    assert!(light[0].color[0] > 0.5 && light[0].color[2] < 0.5, "{light:?}");
+    let inner = SourceOptions { drop_background: true, ..plain.clone() };
+    let source = of_bytes(arrays(&sampled(3, 2.0)), &inner).expect("the first box");
+    assert!(source.field.shells.is_empty() && source.model.is_some());
+    for growth in [1.0, 0.5, 8.0] {
+        let error = of_bytes(arrays(&sampled(2, growth)), &plain).expect_err("no nested boxes");
+        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{growth}: {error}");
+    }
+    let mut lies = sampled(2, 2.0);
+    lies[4].1 = vec![9, 9, 27];
+    let error = of_bytes(arrays(&lies), &plain).expect_err("another shape");
+    assert!(error.to_string().contains("level1.color"), "{error}");
+    let mut lies = sampled(2, 2.0);
+    lies[5].2[0] = f32::NAN;
+    assert!(is_typed(&of_bytes(arrays(&lies), &plain).expect_err("no box")));
+    lies.remove(5);
+    let error = of_bytes(arrays(&lies), &plain).expect_err("no box");
+    assert!(error.to_string().contains("level1.aabb"), "{error}");
 }

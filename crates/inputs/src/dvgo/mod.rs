@@ -3,19 +3,21 @@
 //! Density, settings and the mask are those of [`checkpoint`](crate::checkpoint). All
 //! channels of `k0` are inputs of the network, with the direction and its embedding.
 //!
-//! Density and features are arrays of nodes or [`factors`](crate::factors). A contracted scene
-//! is cropped to its inner box, where its grid is a plain one.
+//! Density and features are arrays of nodes or [`factors`](crate::factors). An unbounded scene
+//! is sampled in boxes around each other ([`nested`](crate::nested)), or cropped to its inner box,
+//! where its grid is a plain one.
 //!
 //! **The field** has harmonics that are fitted to the network at each node.
 //!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of
 //! DirectVoxGO's renderer: samples of a low opacity are left out, the network colours those of a
-//! weight over a threshold, and a ray ends at a transmittance of 1e-3. In contracted scenes samples
-//! are counted from the camera.
+//! weight over a threshold, and a ray ends at a transmittance of 1e-3. In unbounded scenes samples
+//! are counted from the camera, and lie ever farther apart.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod contraction;
+mod fitted;
 mod model;
 mod open;
 mod open_unbounded;

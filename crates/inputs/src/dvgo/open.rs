@@ -2,32 +2,27 @@
 
 use std::sync::Arc;
 
+use super::fitted::{OCTAVES, harmonics, network};
 use super::model::DvgoFile;
 use super::open_unbounded;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::checkpoint::{self, Inner, NamedValues, StoredGrid};
 use crate::model::field::{ColorDomain, Grid, RadianceField};
-use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
-use crate::network::{FittedColors, Inputs, NetworkFile, StoredFeatures, fit_assumption};
+use crate::network::{FittedColors, StoredFeatures, fit_assumption};
 use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Family, Source};
 use crate::tensor::{Tensor, TensorFile};
 
 /// Channels of `k0` whose network runs once a ray.
 const DEFERRED_CHANNELS: u64 = 7;
-/// Octaves of a direction, at most.
-const OCTAVES: u64 = 16;
-/// Added to the sum of harmonics.
-const OFFSET: f32 = 0.5;
-/// The degree of a fit that nobody asked for another of.
-const DEGREE: usize = 2;
 
 /// True for checkpoints of DirectVoxGO whose network takes the colours' features of each sample.
 pub fn knows(file: &TensorFile) -> bool {
     let names = NamedValues::new(file);
-    let contracted = names.weight("scene_center").is_some();
+    let signs = ["scene_center", "scene_radius"].iter().any(|name| names.weight(name).is_some());
+    let contracted = signs || names.setting("contracted_norm").is_some();
     let direct = contracted || names.flag("rgbnet_direct").unwrap_or(false);
     let channels = match (names.tensor("k0.grid"), names.tensor("k0.f_vec")) {
         (Some(grid), _) => grid.shape().get(1).copied(),
@@ -86,27 +81,4 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     source.field.check()?;
     source.model = Some(model);
     Ok(source)
-}
-
-/// The network of a checkpoint, which takes so many features of each sample.
-///
-/// # Errors
-/// Those of [`NetworkFile::new`].
-pub(super) fn network(names: &NamedValues<'_>, features: usize) -> Result<NetworkFile> {
-    let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
-    let direction = u32::try_from(octaves).unwrap_or(0);
-    let inputs = Inputs { features: 0, position: 0, direction };
-    let layers = checkpoint::layer_tensors(names)?;
-    let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
-    NetworkFile::new(layers, inputs, features)
-}
-
-/// The harmonics that are fitted to a network.
-pub(super) fn harmonics(view: ViewChoice) -> Harmonics {
-    let degree = match view {
-        ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
-        _ => DEGREE,
-    };
-    let (evaluation, clamp) = (Evaluation::Ray, Clamp::Zero);
-    Harmonics { degree, evaluation, offset: OFFSET, clamp }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::contraction::Contraction;
-use super::open::{harmonics, network};
+use super::fitted::{harmonics, network};
 use super::unbounded_model::{REACH, Unloaded};
 use super::world::WorldFile;
 use crate::base::error::{Place, Result};
@@ -104,7 +104,9 @@ impl WorldFile {
             let ends = [min, max].map(|at| libm::rint(f64::from(at) * *scale + *shift));
             let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
             *shift -= low;
-            *count = (high - low + 1.0).max(2.0) as u64;
+            #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
+            let nodes = (high - low + 1.0).max(2.0) as u64;
+            *count = nodes;
         }
         let place = Place::Tensor("mask_cache.mask".to_owned());
         let nodes = Nodes::checked(counts, limits, &place)?;

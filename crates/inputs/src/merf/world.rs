@@ -90,7 +90,7 @@ impl SampledColors {
             let terms = means.iter_mut().zip([red, green, blue, a, b, c, d]);
             terms.for_each(|(mean, logit)| *mean += share * sigmoid(logit));
         }
-        if !(all > 0.0) {
+        if all <= 0.0 {
             return [0.0; 7];
         }
         means.map(|mean| {

@@ -19,7 +19,7 @@ pub fn points<W: World>(
     let middle = lattice.position(node);
     let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
     let detail = world.detail(middle);
-    if !(spacing > detail * (1.0 + SAME)) {
+    if spacing <= detail * (1.0 + SAME) {
         return vec![middle];
     }
     let width = (spacing * spacing - detail * detail).sqrt();

@@ -36,7 +36,7 @@ pub struct CellViews {
 
 impl CellViews {
     /// Of views from within a box to its surroundings, whose own cells are seen from all around.
-    pub(super) fn from_within(self, inner: Bounds) -> Self {
+    pub(super) fn looking_out_of(self, inner: Bounds) -> Self {
         Self { inner: Some(inner), ..self }
     }
 

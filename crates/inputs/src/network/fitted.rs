@@ -154,7 +154,7 @@ impl<N: NodeColors> FittedColors<N> {
             let cells =
                 CellViews::find(geometry, views.clone(), harmonics.degree, limits, progress)?;
             let cells = match self.inner {
-                Some(inner) => cells.from_within(inner),
+                Some(inner) => cells.looking_out_of(inner),
                 None => cells,
             };
             Ok(Prepared { network, cells })

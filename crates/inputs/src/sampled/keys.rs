@@ -58,35 +58,54 @@ pub(super) fn number(file: &TensorFile, key: &str) -> Result<Option<f32>> {
 }
 
 impl Arrays {
-    /// Finds the arrays; of blocks, their places are read.
-    pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Self> {
-        let root = &file.root;
-        let tensor = |key: &str| -> Result<&Tensor> {
-            root.get(key).and_then(Value::tensor).ok_or_else(|| {
-                let place = Place::Tensor(key.to_owned());
+    /// Finds the arrays of the first box, and those of the boxes around it.
+    pub(super) fn find_all(file: &TensorFile, limits: &Limits) -> Result<(Self, Vec<Self>)> {
+        let first = Self::find(file, 0, limits)?;
+        let mut around = Vec::new();
+        while file.root.get(&key_of(around.len() + 1, "density")).is_some() {
+            let level = around.len() + 1;
+            let found = Self::find(file, level, limits)?;
+            if found.harmonics != first.harmonics {
+                let place = Place::Key(key_of(level, "density"));
+                let expected = "colours of the same kind in all boxes";
+                return Err(Error::malformed(
+                    place,
+                    "other colours than the first box's",
+                    expected,
+                ));
+            }
+            around.push(found);
+        }
+        Ok((first, around))
+    }
+
+    /// Finds the arrays of a box; of blocks, their places are read.
+    fn find(file: &TensorFile, level: usize, limits: &Limits) -> Result<Self> {
+        let key = |name: &str| key_of(level, name);
+        let get = |name: &str| file.root.get(&key(name));
+        let tensor = |name: &str| -> Result<&Tensor> {
+            get(name).and_then(Value::tensor).ok_or_else(|| {
+                let place = Place::Tensor(key(name));
                 Error::malformed(place, "no such array", "an array of sampled density and colour")
             })
         };
         let density = tensor("density")?;
-        let (color, plain) = match root.get("sh") {
+        let (color, plain) = match get("sh") {
             Some(_) => (tensor("sh")?, false),
             None => (tensor("color")?, true),
         };
-        if !plain && root.get("color").is_some() {
-            let place = Place::Tensor("color".to_owned());
+        if !plain && get("color").is_some() {
+            let place = Place::Tensor(key("color"));
             return Err(Error::malformed(place, "color beside sh", "one of them"));
         }
-        let block = block_size(file)?;
-        let (places, own): (_, &[u64]) = match (root.get("blocks"), block) {
+        // Boxes around the first one are dense, or have blocks as it has.
+        let block = block_size(file)?.filter(|_| level == 0 || get("blocks").is_some());
+        let (places, own): (_, &[u64]) = match (get("blocks"), block) {
             (Some(_), Some(_)) => (Some(places(tensor("blocks")?, limits)?), density.shape()),
             (None, None) => (None, density.shape()),
             _ => {
                 let found = "one of blocks and block_size";
-                return Err(Error::malformed(
-                    Place::Key("blocks".to_owned()),
-                    found,
-                    "both or neither",
-                ));
+                return Err(Error::malformed(Place::Key(key("blocks")), found, "both or neither"));
             }
         };
         let functions = match (color.shape().strip_prefix(own), plain) {
@@ -103,16 +122,16 @@ impl Arrays {
         };
         let density = RowArray::new(density, 1, limits)?;
         let color = RowArray::new(color, 3 * functions, limits)?;
-        let place = Place::Tensor("density".to_owned());
+        let place = Place::Tensor(key("density"));
         let index = match (own, places, block) {
             (&[x, y, z], None, _) => {
                 let nodes = Nodes::checked([x, y, z], limits, &place)?;
                 Index::dense(nodes, density.rows(), &place)?
             }
             (&[_, a, b, c], Some(places), Some(edge)) if [a, b, c] == [edge; 3] => {
-                let nodes = dimensions(file, &places, edge, limits)?;
+                let nodes = dimensions(file, &key("dimensions"), &places, edge, limits)?;
                 let edge = usize::try_from(edge).unwrap_or(0);
-                let blocks = Place::Tensor("blocks".to_owned());
+                let blocks = Place::Tensor(key("blocks"));
                 Index::blocks(nodes, edge, (&places, &blocks), density.rows(), limits)?
             }
             _ => {
@@ -124,9 +143,17 @@ impl Arrays {
         // Plain colours have no use for these settings, which must be right all the same.
         let harmonics = harmonics(file, functions)?;
         let harmonics = (!plain).then_some(harmonics);
-        let bounds = bounds(file)?;
+        let bounds = bounds(file, &key("aabb"))?;
         let (index, density, color) = (Arc::new(index), Arc::new(density), Arc::new(color));
         Ok(Self { index, density, color, harmonics, bounds })
+    }
+}
+
+/// The key of an array or setting of a box; the first one's has no number.
+fn key_of(level: usize, name: &str) -> String {
+    match level {
+        0 => name.to_owned(),
+        level => format!("level{level}.{name}"),
     }
 }
 
@@ -159,9 +186,15 @@ fn places(tensor: &Tensor, limits: &Limits) -> Result<Vec<[i64; 3]>> {
 }
 
 /// Nodes of a file of blocks.
-fn dimensions(file: &TensorFile, places: &[[i64; 3]], edge: u64, limits: &Limits) -> Result<Nodes> {
-    let place = Place::Key("dimensions".to_owned());
-    let sizes = match numbers(file, "dimensions")? {
+fn dimensions(
+    file: &TensorFile,
+    key: &str,
+    places: &[[i64; 3]],
+    edge: u64,
+    limits: &Limits,
+) -> Result<Nodes> {
+    let place = Place::Key(key.to_owned());
+    let sizes = match numbers(file, key)? {
         Some(numbers) => numbers,
         None => {
             let reach = places.iter().fold([0; 3], |mut reach: [i64; 3], place| {
@@ -199,10 +232,10 @@ fn harmonics(file: &TensorFile, functions: usize) -> Result<Harmonics> {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
-fn bounds(file: &TensorFile) -> Result<Bounds> {
-    let place = Place::Tensor("aabb".to_owned());
+fn bounds(file: &TensorFile, key: &str) -> Result<Bounds> {
+    let place = Place::Tensor(key.to_owned());
     let expected = "two corners of three numbers";
-    let Some(corners) = numbers(file, "aabb")? else {
+    let Some(corners) = numbers(file, key)? else {
         return Err(Error::malformed(place, "no such tensor", expected));
     };
     let &[a, b, c, d, e, f] = corners.as_slice() else {

@@ -14,6 +14,9 @@
 //! | `block_size` | | `b`, nodes along a block's edge |
 //! | `dimensions` | `[3]` | X, Y and Z of a file of blocks [as far as the blocks reach] |
 //!
+//! Boxes around the first one have the same arrays, with `level1.`, `level2.` and so on before their
+//! keys. A file that has some has the rules of a field.
+//!
 //! Block `(i, j, k)` holds nodes `i b` to `(i + 1) b - 1` along x, and so on. Nodes outside of all
 //! blocks have density 0 and coefficients 0. In a `.safetensors` file a number or a text may stand
 //! among the texts of `__metadata__` instead.

@@ -6,8 +6,11 @@ use super::keys::{Arrays, number, numbers};
 use super::model::SampledFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
+use crate::model::field::{
+    Activation, ColorDomain, Grid, Lattice, March, RadianceField, Scene, Shell,
+};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
+use crate::model::trained_model::LoadModel;
 use crate::model::view_dependence::ViewDependence;
 use crate::options::{SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, Source};
@@ -24,7 +27,10 @@ const STEPSIZE: f32 = 0.5;
 /// # Errors
 /// `Malformed` where arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
-    let mut arrays = Arrays::find(file, limits)?;
+    let (mut arrays, mut around) = Arrays::find_all(file, limits)?;
+    if options.drop_background {
+        around.clear();
+    }
     let stored = arrays.harmonics.map_or(1, |rules| rules.functions());
     if let Some(rules) = &mut arrays.harmonics {
         match options.view {
@@ -49,33 +55,50 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             (channels, Some(ViewDependence::Harmonics(field)))
         }
     };
-    let unchecked = match file.has_checksums {
-        true => Vec::new(),
-        false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
+    let has_checksums = file.has_checksums;
+    let grids = |arrays: &Arrays| {
+        let unchecked = match has_checksums {
+            true => Vec::new(),
+            false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
+        };
+        let grid = |array, channels| {
+            let index = &arrays.index;
+            Grid::Values(Arc::new(RowGrid::new(index, array, channels, 0, unchecked.clone())))
+        };
+        let density = grid(&arrays.density, vec![Channel::column(0)]);
+        (density, vec![grid(&arrays.color, channels.clone())])
     };
-    let grid = |array, channels| {
-        let index = &arrays.index;
-        Grid::Values(Arc::new(RowGrid::new(index, array, channels, 0, unchecked.clone())))
+    let shell = |arrays: &Arrays| {
+        let (lattice, (density, color)) =
+            (Lattice::new(arrays.bounds, arrays.index.nodes()), grids(arrays));
+        Shell { lattice, density, color }
     };
+    let shells: Vec<Shell> = around.iter().map(shell).collect();
+    let (density, color) = grids(&arrays);
     let assumptions = match arrays.harmonics {
         None => bright_colors(file)?.into_iter().collect(),
         Some(_) => Vec::new(),
     };
     let (scene, recorded) = scene(file, &arrays, options)?;
     let field = RadianceField {
-        density: grid(&arrays.density, vec![Channel::column(0)]),
-        color: vec![grid(&arrays.color, channels)],
+        density,
+        color,
         color_domain: ColorDomain::Linear,
         view,
         free_space: None,
-        shells: Vec::new(),
+        shells,
         scene,
     };
     field.check()?;
     let step = field.scene.march.interval_length();
+    // Boxes around each other have no rules but those of a field.
+    let model: Option<Arc<dyn LoadModel>> = match field.shells.is_empty() {
+        true => Some(Arc::new(SampledFile { arrays, stored, step })),
+        false => None,
+    };
     Ok(Source {
         field,
-        model: Some(Arc::new(SampledFile { arrays, stored, step })),
+        model,
         family: Family::Sampled,
         kind: file.kind,
         has_checksums: file.has_checksums,

@@ -1,0 +1,38 @@
+//! The network of a checkpoint, and the harmonics that are fitted to it.
+
+use crate::base::error::Result;
+use crate::checkpoint::{self, NamedValues};
+use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
+use crate::network::{Inputs, NetworkFile};
+use crate::options::ViewChoice;
+use crate::tensor::Tensor;
+
+/// Octaves of a direction, at most.
+pub(super) const OCTAVES: u64 = 16;
+/// Added to the sum of harmonics.
+const OFFSET: f32 = 0.5;
+/// The degree of a fit that nobody asked for another of.
+const DEGREE: usize = 2;
+
+/// The network of a checkpoint, which takes so many features of each sample.
+///
+/// # Errors
+/// Those of [`NetworkFile::new`].
+pub(super) fn network(names: &NamedValues<'_>, features: usize) -> Result<NetworkFile> {
+    let octaves = names.tensor("viewfreq").map_or(0, Tensor::count);
+    let direction = u32::try_from(octaves).unwrap_or(0);
+    let inputs = Inputs { features: 0, position: 0, direction };
+    let layers = checkpoint::layer_tensors(names)?;
+    let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
+    NetworkFile::new(layers, inputs, features)
+}
+
+/// The harmonics that are fitted to a network.
+pub(super) fn harmonics(view: ViewChoice) -> Harmonics {
+    let degree = match view {
+        ViewChoice::Harmonics(wanted) => wanted.min(Harmonics::MAX_DEGREE),
+        _ => DEGREE,
+    };
+    let (evaluation, clamp) = (Evaluation::Ray, Clamp::Zero);
+    Harmonics { degree, evaluation, offset: OFFSET, clamp }
+}
