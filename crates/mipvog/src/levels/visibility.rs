@@ -29,12 +29,14 @@ use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::field::{Activation, DensityFunction};
-use crate::model::grid::Nodes;
+use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Nodes along the longest axis of the level on which light is followed, at most.
 const MAX_NODES: usize = 160;
 /// The visibility of hidden nodes.
 const LEAST_VISIBILITY: f32 = 1e-4;
+/// Nodes of more visibility are lit: by a mean of 1e-4 of the light of all directions.
+const LIT: f32 = LEAST_VISIBILITY + 1e-8;
 
 /// The optical depths that are in the way of light.
 #[derive(Debug)]
@@ -196,6 +198,24 @@ impl Visibility {
     pub fn bent_sampler(&self, nodes: Nodes, x: usize, axis: usize) -> PlaneSampler {
         let part = |x: usize| self.bent[x][axis].iter().copied().map(f32::from);
         self.sampler_of(nodes, x, part)
+    }
+
+    /// The nodes of a grid over the same box that some light reaches.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn lit_nodes(&self, nodes: Nodes) -> Result<NodeMask> {
+        let [_, ny, nz] = nodes.0;
+        let words = row::words(nodes);
+        NodeMask::of_planes(nodes, |x, plane| {
+            let sampler = self.sampler(nodes, x);
+            let (ones, mut shares) = (vec![1.0; nz], vec![0.0; nz]);
+            for (y, row) in plane.chunks_exact_mut(words).enumerate().take(ny) {
+                sampler.multiply(y * nz, &ones, &mut shares);
+                row::pack_above(&shares, LIT, row);
+            }
+            Ok(())
+        })
     }
 
     fn sampler_of<I: Iterator<Item = f32>>(

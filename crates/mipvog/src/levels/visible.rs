@@ -143,6 +143,21 @@ impl Visible {
         self.levels.iter().map(|level| &level.retained).collect()
     }
 
+    /// Drops nodes that no light reaches: what lies behind opaque surfaces all around. Nodes beside
+    /// those that are lit stay.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn drop_unlit(&mut self) -> Result<()> {
+        let Some(visibility) = &self.visibility else { return Ok(()) };
+        for level in &mut self.levels {
+            let lit = visibility.lit_nodes(level.retained.nodes())?;
+            let around = lit.cells_with_a_corner()?.corners()?.cells_with_a_corner()?.corners()?;
+            level.retained.intersect(&around);
+        }
+        Ok(())
+    }
+
     /// Retains every node of the blocks that hold a retained one.
     ///
     /// # Errors

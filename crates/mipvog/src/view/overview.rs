@@ -3,13 +3,17 @@
 //! Small pictures from around the box give points of the scene's surface. The camera looks from
 //! the front, the right and above, at the middle of these points as its picture shows them, from so
 //! far that all of them are inside.
+//!
+//! A world is looked at from inside: from the place of the innermost box that is farthest from
+//! everything, towards the box's middle.
 
 use glam::DVec3;
 
 use super::render::{Frame, FrameOptions, Renderer, render};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
-use crate::model::camera::{Camera, Lens, Orbit, direction, sphere};
+use crate::model::camera::{Camera, Lens, Orbit, Ray, direction, sphere};
+use crate::model::trained_model::RayColor;
 
 /// Small pictures, on a circle around the box.
 const LOOKS: usize = 6;
@@ -25,12 +29,19 @@ const MARGIN: f64 = 0.08;
 const AROUND: f64 = -0.96;
 /// Angle of the view above the horizon, in radians.
 const UP: f64 = 0.42;
+/// Places along each axis that a camera inside a world is looked for at.
+const PLACES: usize = 4;
+/// Angle of the view inside a world, in radians.
+const INSIDE_ANGLE: f64 = 1.2;
 
 /// The camera, with a picture of `size` pixels.
 ///
 /// # Errors
 /// Those of rendering: rules that no picture can be made by, and `Cancelled`.
 pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
+    if !field.view().boxes.is_empty() {
+        return inside(field, size, progress);
+    }
     let orbit = Orbit::default();
     let bounds = &field.view().bounds;
     let mut points = Vec::new();
@@ -45,6 +56,45 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
     let whole = Camera::looking_at(middle, back, radius / libm::sin(half_angle), name(), lens);
     // Nothing is opaque: the box is all there is to look at.
     Ok(if points.is_empty() { whole } else { closest(&whole, &points) })
+}
+
+/// The camera of a world.
+fn inside(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
+    let bounds = &field.view().finest_bounds;
+    let (middle, radius) = sphere(bounds);
+    let extent = DVec3::from(bounds.extent());
+    let [min, far] = [DVec3::from(bounds.min.map(f64::from)), DVec3::splat(4.0 * radius)];
+    let places = (0..PLACES.pow(3)).map(|i| {
+        let at = [i / PLACES / PLACES, i / PLACES % PLACES, i % PLACES];
+        min + extent * DVec3::from(at.map(|at| (at as f64 + 0.5) / PLACES as f64))
+    });
+    let places: Vec<DVec3> = places.collect();
+    let around: Vec<DVec3> = (0..27)
+        .filter(|&i| i != 13)
+        .map(|i| DVec3::from([i / 9, i / 3 % 3, i % 3].map(|at| f64::from(at) - 1.0)).normalize())
+        .collect();
+    let ray = |&origin: &DVec3| around.iter().map(move |&direction| Ray { origin, direction });
+    let rays: Vec<Ray> = places.iter().flat_map(ray).collect();
+    let light = field.ray_colors(&rays, field.view().finest, progress)?;
+    let free = |light: &[RayColor]| {
+        let reached = |ray: &RayColor| match ray.transmittance < SHOWS {
+            true => f64::from(ray.distance),
+            false => far.x,
+        };
+        light.iter().map(reached).fold(far.x, f64::min)
+    };
+    let distances = light.chunks(around.len()).map(free);
+    let mut best = (middle, 0.0);
+    for (&place, distance) in places.iter().zip(distances) {
+        if distance > best.1 {
+            best = (place, distance);
+        }
+    }
+    let (eye, _) = best;
+    // In the middle itself, the front is where that of objects is.
+    let away = (eye - middle).try_normalize().unwrap_or(direction(AROUND, 0.0));
+    let lens = Lens::centered(size, 0.5 * INSIDE_ANGLE);
+    Ok(Camera::looking_at(eye - away, away, 1.0, name(), lens))
 }
 
 fn name() -> String {

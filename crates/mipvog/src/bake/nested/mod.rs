@@ -190,6 +190,8 @@ impl World<'_> {
         importance.truncate(count);
         if let Some(smaller) = smaller {
             inner::hollow(&mut visible.levels[0].retained, &own.lattice(), &smaller);
+            // The far is seen from inside: nobody looks behind the sky.
+            visible.drop_unlit()?;
         }
         if options.keeps_blocks() {
             visible.keep_blocks(options.block_size)?;

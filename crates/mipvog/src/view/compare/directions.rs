@@ -8,6 +8,7 @@ use glam::DVec3;
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
+use crate::model::grid::Bounds;
 use crate::model::harmonics::Clamp;
 use crate::model::ray_march::{Next, Steps, ZeroGuard, crossing, point_at};
 use crate::model::view_dependence::ViewDependence;
@@ -93,8 +94,9 @@ fn follow(
     progress: &dyn Progress,
 ) -> Result<()> {
     let view = baked.view();
-    let [min, max] =
-        [view.bounds.min, view.bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
+    // Of nested boxes, the innermost: level 0 shows that one alone.
+    let Bounds { min, max } = view.finest_bounds;
+    let [min, max] = [min, max].map(|corner| DVec3::from(corner.map(f64::from)));
     let share = [1, 2, 3].map(|power| (0.5 + number as f64 * SPREAD.powi(-power)).fract());
     let eye = DVec3::from(eye);
     // An eye at that very point looks nowhere.
