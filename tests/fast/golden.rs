@@ -1,6 +1,7 @@
 //! Golden containers: the bytes of this version. `BLESS=1 cargo test --test golden` rewrites them.
 
 use crate::common::harmonic_field::{harmonic_field, rules};
+use crate::common::world::world;
 use crate::common::{assert_golden, baked_bytes, fixture, grid_values, open_bytes, trained};
 use mipvog::bake::{BakeOptions, Filter};
 use mipvog::model::field::{DensityFunction, RadianceField};
@@ -64,4 +65,17 @@ fn containers_with_linear_values_keep_their_bytes() {
     let field = field.build().expect("a field");
     let bytes = baked_bytes(&field, &BakeOptions::default()).expect("a bake");
     assert_golden(&fixture("baked/linear.mipvog"), &bytes);
+}
+
+#[test]
+fn containers_of_nested_boxes_keep_their_bytes() {
+    let bytes = baked_bytes(&world(33, 3), &BakeOptions::default()).expect("a bake");
+    assert_golden(&fixture("baked/boxes.mipvog"), &bytes);
+    // With blocks that inherit, also in shells.
+    let options = BakeOptions { fill_error: Some(0.2), ..BakeOptions::default() };
+    let bytes = baked_bytes(&world(17, 2), &options).expect("a bake");
+    assert_golden(&fixture("baked/boxes.filled.mipvog"), &bytes);
+    // Of boxes up to 512 times as large.
+    let bytes = baked_bytes(&world(13, 9), &BakeOptions::default()).expect("a bake");
+    assert_golden(&fixture("baked/boxes.deep.mipvog"), &bytes);
 }

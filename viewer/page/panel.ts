@@ -1,6 +1,7 @@
 /** What the panel says. */
 
 import type { RadianceField, Statistics } from "../src/index.js";
+import { levelOfPart, partsOf } from "../src/format/parts.js";
 import { levelTint } from "../src/render/shader.js";
 
 const TRANSFERS = {
@@ -114,13 +115,15 @@ export function showFacts(name: string, field: RadianceField | null, frameTime: 
   if (field && metadata && file) {
     const shown = field.finest;
     const levels = metadata.levels.length;
-    const blocks = metadata.levels.filter((_, level) => shown !== null && level >= shown).reduce((sum, level) => sum + level.blocks_stored, 0);
+    const stored = partsOf(metadata).map(({ blocks_stored: blocks }, part) => ({ blocks, level: levelOfPart(metadata, part) }));
+    const sum = (parts: typeof stored) => parts.reduce((sum, { blocks }) => sum + blocks, 0);
+    const blocks = sum(stored.filter(({ level }) => shown !== null && level >= shown));
     const { finest } = file.plan;
     const missing = finest > file.available ? "do not fit this device" : "are not in this part of the file";
     rows.push(
       ["Level", shown === null ? "none yet" : `${shown}, of ${levels}${finest > 0 ? `; those before ${finest} ${missing}` : ""}`],
       ["Nodes", metadata.levels[shown ?? levels - 1].dimensions.join(" × ")],
-      ["Blocks", `${blocks} of ${metadata.levels.reduce((sum, level) => sum + level.blocks_stored, 0)}`],
+      ["Blocks", `${blocks} of ${sum(stored)}`],
       ["Bytes", field.arrived < file.fileBytes ? `${readable(field.arrived)} of ${readable(file.fileBytes)}` : readable(file.fileBytes)],
       ["Comes", TRANSFERS[file.transfer]],
     );

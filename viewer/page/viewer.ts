@@ -1,15 +1,15 @@
 /** The page: opens what the address names or what is dropped, and says how it goes. */
 
-import { Color, Matrix4, SRGBColorSpace } from "three";
+import { Color, Matrix4, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "../src/device.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
-import { type Opened, openAddress, openFile, release, visibleBox } from "../src/stage/opened.js";
+import { type Opened, openAddress, openFile, release, standpoint, visibleBox } from "../src/stage/opened.js";
 import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
 import { bindTools, showView } from "./tools.js";
-import { addressedView, fetchCameras, forgetView, goTo, goToChosen, nameView, openCameras } from "./views.js";
+import { addressedView, fetchCameras, firstView, forgetView, goTo, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
 interface Hook {
@@ -173,10 +173,13 @@ function close(): void {
   page.colors.checked = false;
 }
 
-/** The whole subject, or the view that the address names. */
+/** The whole subject, or of a world what its first camera sees; or the view that the address names. */
 function frame(): void {
   if (!opened) return;
-  stage.lookAt(visibleBox(opened));
+  const inside = standpoint(opened);
+  stage.show(visibleBox(opened), inside);
+  const first = inside && firstView(field());
+  if (first) stage.viewpoint = first;
   framed = viewpointText(stage.viewpoint);
   const view = addressedView();
   if (view) stage.viewpoint = view;
@@ -193,10 +196,13 @@ function paint(color: string | null): void {
 
 function follow(shown: RadianceField, made: Opened): void {
   let isFramed = shown.finest !== null || made === other;
+  const stood = standpoint(made) ?? new Vector3();
   shown.addEventListener("change", () => {
-    // What the first level shows is known now.
-    if (!isFramed && viewpointText(stage.viewpoint) === framed) frame();
+    // What the first level shows is known now; where a world is free, a finer one may tell.
+    const place = standpoint(made);
+    if ((!isFramed || (place && made !== other && !place.equals(stood))) && viewpointText(stage.viewpoint) === framed) frame();
     isFramed = true;
+    if (place) stood.copy(place);
   });
   shown.addEventListener("progress", ({ arrived }) => {
     page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
@@ -346,7 +352,10 @@ try {
   await (started = start());
   const asked = new URLSearchParams(location.search);
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
-  if (cameras) void fetchCameras(cameras).catch(failViews);
+  if (cameras) {
+    const startThere = () => opened && standpoint(opened) && viewpointText(stage.viewpoint) === framed && frame();
+    void fetchCameras(cameras).then(startThere).catch(failViews);
+  }
   if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
   else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
 } catch (cause) {

@@ -10,6 +10,9 @@ import { showView } from "./tools.js";
 /** The address is brought up to date after the view rests for so long. */
 const REST_MS = 300;
 
+/** What a camera in a world turns around is this part of the innermost box away, at least. */
+const INSIDE = 0.25;
+
 let presets: Preset[] = [];
 let waiting = 0;
 
@@ -64,7 +67,19 @@ export function goTo(stage: Stage, view: Viewpoint): void {
 export function goToChosen(stage: Stage, field: RadianceField | null): void {
   const preset = presets[Number(page.views.value)];
   if (page.views.value === "" || !preset || !field) return;
+  goTo(stage, viewOf(preset, field));
+}
+
+/** What the first camera of a file sees; null without one. */
+export function firstView(field: RadianceField | null): Viewpoint | null {
+  return field && presets.length > 0 ? viewOf(presets[0], field) : null;
+}
+
+function viewOf(preset: Preset, field: RadianceField): Viewpoint {
   field.updateWorldMatrix(true, false);
   const box = field.visibleBounds.applyMatrix4(field.matrixWorld);
-  goTo(stage, presetViewpoint(preset, field.matrixWorld, box.getCenter(box.min.clone())));
+  const size = box.getSize(box.min.clone());
+  // Cameras of a world stand in what they would turn around.
+  const least = field.isWorld ? INSIDE * Math.min(size.x, size.y, size.z) : undefined;
+  return presetViewpoint(preset, field.matrixWorld, box.getCenter(box.min.clone()), least);
 }

@@ -4,7 +4,7 @@ import { Color, SRGBColorSpace } from "three";
 import { deviceLimits } from "./device.js";
 import { FieldError } from "./errors.js";
 import type { RadianceField } from "./three/field.js";
-import { type Opened, openAddress, release, visibleBox } from "./stage/opened.js";
+import { type Opened, openAddress, release, standpoint, visibleBox } from "./stage/opened.js";
 import { Stage } from "./stage/stage.js";
 import { viewpointText } from "./stage/viewpoint.js";
 
@@ -139,8 +139,8 @@ export class MipvogViewer extends Base {
       for (const field of shown.fields) {
         let isFramed = false;
         field.addEventListener("change", () => {
-          // Where something is to be seen is known from a field's first level on.
-          if (!isFramed && this.stage && viewpointText(this.stage.viewpoint) === this.framed) this.frame(this.stage, shown);
+          // Where something is to be seen is known from a field's first level on; where a world is free, from a finer one.
+          if ((!isFramed || field.isWorld) && this.stage && viewpointText(this.stage.viewpoint) === this.framed) this.frame(this.stage, shown);
           isFramed ||= field.finest !== null;
         });
         field.addEventListener("failed", ({ error }) => own === this.number && this.fail(error));
@@ -164,7 +164,7 @@ export class MipvogViewer extends Base {
 
   /** Looks at all that is to be seen. */
   private frame(stage: Stage, made: Opened): void {
-    stage.lookAt(visibleBox(made));
+    stage.show(visibleBox(made), standpoint(made));
     this.framed = viewpointText(stage.viewpoint);
   }
 

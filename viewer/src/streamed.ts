@@ -4,6 +4,7 @@ import { Decoder } from "./decoder.js";
 import { deviceLimits } from "./device.js";
 import { FieldError, REMEDY } from "./errors.js";
 import type { Metadata } from "./format/metadata.js";
+import { isNested } from "./format/parts.js";
 import type { Opened } from "./load/loader.js";
 import type { Reply } from "./load/messages.js";
 import type { OwnSource, RequestOptions, Source } from "./load/source.js";
@@ -55,6 +56,8 @@ export class StreamedField {
   /** What each device has, or will have; the first waits for the device that it is for. */
   private atlases: Atlas[] = [];
   private occupied: [number[], number[]] | null = null;
+  /** The middle of a world's free space, as shares of its innermost box. */
+  private freeShare: number[] | null = null;
   private readonly worker = new Decoder();
   /** Workers that help the first to decode. */
   private readonly helpers: Decoder[] = [];
@@ -134,10 +137,11 @@ export class StreamedField {
       this.tell("done", {});
     } else if (reply.kind === "entry") {
       this.occupied ??= reply.entry.occupied;
+      this.freeShare ??= reply.entry.free;
       for (const atlas of this.wanting(reply.round)) atlas.finish(reply.entry);
       this.tell("change", {});
     } else if (reply.kind === "begun") {
-      for (const atlas of this.wanting(reply.round)) atlas.expect(reply.level);
+      for (const atlas of this.wanting(reply.round)) atlas.expect(reply.part);
     } else if (reply.kind === "part") {
       for (const atlas of this.wanting(reply.round)) atlas.add(reply.part);
     }
@@ -174,13 +178,26 @@ export class StreamedField {
     return this.atlases.find((atlas) => atlas.gl === gl) ?? null;
   }
 
-  /** Two corners, in local axes, between which something is to be seen; those of the box before the first level. */
+  /**
+   * Two corners, in local axes, between which something is to be seen; those of the box before the first level. A world, which is
+   * seen from inside, has all of its innermost box.
+   */
   get visible(): [number[], number[]] {
-    if (!this.content) return [[0, 0, 0], [0, 0, 0]];
+    const all: [number[], number[]] = [[0, 0, 0], [1, 1, 1]];
+    const [low, high] = this.content && isNested(this.content.metadata) ? all : (this.occupied ?? all);
+    return [this.placeOf(low), this.placeOf(high)];
+  }
+
+  /** In local axes, the middle of a world's free space; that of the innermost box where it is not known. */
+  get standpoint(): number[] {
+    return this.placeOf(this.freeShare ?? [0.5, 0.5, 0.5]);
+  }
+
+  /** Of a place as shares of the innermost box, that in local axes. */
+  private placeOf(share: number[]): number[] {
+    if (!this.content) return [0, 0, 0];
     const { min, max } = this.content.metadata.bounds;
-    const at = (share: number[]) => share.map((share, axis) => min[axis] + share * (max[axis] - min[axis]));
-    const [low, high] = this.occupied ?? [[0, 0, 0], [1, 1, 1]];
-    return [at(low), at(high)];
+    return share.map((share, axis) => min[axis] + share * (max[axis] - min[axis]));
   }
 
   /** Brings decoded blocks to a device, for a few milliseconds. Whether the picture has changed. */

@@ -1,7 +1,7 @@
 /** Fields in Babylon.js: pictures against the reference renderer's, of either hand, among meshes, and what it refuses. */
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
@@ -63,6 +63,17 @@ for (const rightHanded of [true, false]) {
       const found = psnr(picture, wanted);
       assert.ok(found >= 40, `${source}: ${found} dB`);
     }
+    assert.deepEqual(problems, []);
+  });
+
+  test(`a ${hand}-handed scene shows a world from inside as the reference renderer draws it`, async () => {
+    const container = join(ROOT, "fixtures", "baked", "boxes.filled.mipvog");
+    const frame = { file_path: "./inside", transform_matrix: [[0, 0, 1, 0.5], [1, 0, 0, -0.4], [0, 1, 0, 0.3], [0, 0, 0, 1]] };
+    writeFileSync(at("inside.json"), JSON.stringify({ camera_angle_x: 1.2, frames: [frame] }));
+    program("render", container, "--cameras", at("inside.json"), "--size", `${SIZE}x${SIZE}`, "-o", at(`${hand}_inside`));
+    const look = { size: SIZE, position: [0.5, 0.3, 0.4], target: [-0.5, 0.3, 0.4], angle: 1.2, background: [1, 1, 1], address: offer(container), rightHanded } as BabylonLook;
+    const found = psnr(await page.evaluate((look) => window.drawBabylon(look), look), await pixels(page, join(at(`${hand}_inside`), "inside.s1.png")));
+    assert.ok(found >= 40, `${found} dB`);
     assert.deepEqual(problems, []);
   });
 

@@ -26,7 +26,7 @@ function withLast(container: Uint8Array, kind: string, level: number): Uint8Arra
   entries.forEach((entry, number) => {
     const at = HEADER_BYTES + ENTRY_BYTES * number;
     put(at + 8, entry.offset + ENTRY_BYTES);
-    if (entry.level !== null) put(at + 24, entry.level === level ? out.length : entry.prefix + ENTRY_BYTES);
+    if (entry.part !== null) put(at + 24, entry.part === level ? out.length : entry.prefix + ENTRY_BYTES);
   });
   out.set(new TextEncoder().encode(kind), end);
   data.setUint32(end + 4, level, true);
@@ -43,7 +43,7 @@ function withLast(container: Uint8Array, kind: string, level: number): Uint8Arra
 async function load(bytes: Uint8Array<ArrayBuffer>): Promise<number[]> {
   const levels: number[] = [];
   const nothing = () => {};
-  const listener = { opened: nothing, progress: nothing, begun: nothing, part: nothing, entry: ({ level }: { level: number }) => levels.push(level) };
+  const listener = { opened: nothing, progress: nothing, begun: nothing, part: nothing, entry: ({ part }: { part: number }) => levels.push(part) };
   await new Loader(new Blob([bytes]), {}, listener).load(DEVICE);
   return levels;
 }
@@ -56,7 +56,7 @@ for (const name of ["tiny.rate", "tiny.paper", "tiny.rate.filled"]) {
     const extended = withLast(container, "note", levels[0]);
     assert.deepEqual(await load(extended), levels);
     // The first part of it that ends at level 1 has all of the coarser levels but their note.
-    const { prefix } = readDirectory(readHeader(extended), extended).find(({ level }) => level === 1)!;
+    const { prefix } = readDirectory(readHeader(extended), extended).find(({ part }) => part === 1)!;
     if (prefix < extended.length) assert.deepEqual(await load(extended.slice(0, prefix)), levels.slice(0, -1));
   });
 }

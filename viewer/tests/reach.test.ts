@@ -76,7 +76,7 @@ function compare(levels: Level[], helpers: number): void {
     for (let from = 0; from < blocks; from += size) {
       const to = Math.min(blocks, from + size);
       const [part] = [...share(from, to).parts(from, to)];
-      const where = `level ${whole.level}: ${helpers} helpers, blocks ${from} to ${to}`;
+      const where = `level ${whole.part}: ${helpers} helpers, blocks ${from} to ${to}`;
       const quads = whole.color.length / (blocks * whole.side ** 3 * 4);
       assert.deepEqual(bricksOf(part, quads, 0, to - from), bricksOf(whole, quads, from, to), where);
       const nodes = whole.side ** 3;

@@ -21,7 +21,7 @@ function open(bytes: Uint8Array): void {
 
 const REFUSED = [
   "header", "feature", "directory", "chunk-bounds", "chunk-unknown", "chunk-unexpected", "chunk-missing", "prefix",
-  "metadata-value", "ray-samples",
+  "metadata-value", "ray-samples", "nested-boxes",
 ];
 /** The length of the file, bytes between chunks, ancillary chunks and the canonical form: these rules may be skipped. */
 const SKIPPED = ["length", "padding", "provenance", "chunk-checksum", "metadata"];

@@ -24,6 +24,7 @@ import type { Scene } from "@babylonjs/core/scene.js";
 import { EXTENSION } from "../asset.js";
 import { FieldError, REMEDY } from "../errors.js";
 import type { Metadata } from "../format/metadata.js";
+import { outerBounds } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
 import { inverse, lookingAlong, product } from "../render/matrices.js";
@@ -139,9 +140,9 @@ export class RadianceField extends Mesh {
     return this.streamed.on(this.context)?.finest ?? null;
   }
 
-  /** The box in local axes. */
+  /** The box of everything in local axes. */
   get bounds(): { min: Vector3; max: Vector3 } {
-    const { min, max } = this.file?.metadata.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
+    const { min, max } = this.file ? outerBounds(this.file.metadata) : { min: [0, 0, 0], max: [0, 0, 0] };
     return { min: Vector3.FromArray(min), max: Vector3.FromArray(max) };
   }
 
@@ -218,7 +219,7 @@ export class RadianceField extends Mesh {
 
   /** Builds what does not depend on levels. */
   private begin(opened: Opened, scene: Scene): void {
-    const { min, max } = opened.metadata.bounds;
+    const { min, max } = outerBounds(opened.metadata);
     const box = new VertexData();
     box.positions = SAME.slice(0, 8).flatMap((_, corner) => min.map((min, axis) => ((corner >> axis) & 1 ? max[axis] : min)));
     box.indices = SIDES.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);

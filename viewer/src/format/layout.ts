@@ -4,6 +4,7 @@ import { FieldError, REMEDY } from "../errors.js";
 import { foreign } from "./kinds.js";
 import { crc32 } from "./crc32.js";
 import { type Feature, FEATURES, KNOWN, MAJOR } from "./generated.js";
+import { partName } from "./parts.js";
 
 export const HEADER_BYTES = 64;
 export const ENTRY_BYTES = 64;
@@ -11,7 +12,7 @@ const ALIGNMENT = 64;
 /** The features that this viewer knows. */
 const KNOWN_FEATURES = (1n << BigInt(FEATURES.length)) - 1n;
 const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
-const NO_LEVEL = 0xffffffff;
+const NO_PART = 0xffffffff;
 /** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
 const MOST_CHUNKS = 4096;
 
@@ -26,8 +27,8 @@ export interface Header {
 export interface Entry {
   /** Four letters. */
   kind: string;
-  /** 0 is the finest; null for chunks of no level. */
-  level: number | null;
+  /** A level, 0 being the finest, or after the levels a shell; null for chunks of no part. */
+  part: number | null;
   offset: number;
   bytes: number;
   /** Bytes after which the level renders. */
@@ -82,10 +83,10 @@ export function readDirectory(header: Header, bytes: Uint8Array): Entry[] {
   let next = end;
   for (let i = 0; i < header.chunks; i++) {
     const at = HEADER_BYTES + ENTRY_BYTES * i;
-    const level = data.getUint32(at + 4, true);
+    const part = data.getUint32(at + 4, true);
     const entry = {
       kind: String.fromCharCode(...head.subarray(at, at + 4)),
-      level: level === NO_LEVEL ? null : level,
+      part: part === NO_PART ? null : part,
       offset: length(data, at + 8),
       bytes: length(data, at + 16),
       prefix: length(data, at + 24),
@@ -112,7 +113,7 @@ export function paddedEnd({ offset, bytes }: Entry): number {
 }
 
 function checkEntry(entry: Entry, before: Entry[], next: number, header: Header): void {
-  const { kind, level } = entry;
+  const { kind, part } = entry;
   if (!/^[A-Za-z]{4}$/.test(kind)) throw new FieldError(`A chunk's type is not four letters.`);
   if (entry.offset !== next || entry.offset + entry.bytes > header.fileBytes) {
     throw new FieldError(`Chunk ${kind} lies at byte ${entry.offset} with ${entry.bytes} bytes; it should start at ${next} and end within the file.`);
@@ -120,22 +121,22 @@ function checkEntry(entry: Entry, before: Entry[], next: number, header: Header)
   const critical = kind[0] === kind[0].toUpperCase();
   if (!KNOWN.includes(kind)) {
     if (critical) throw new FieldError(`The container needs the chunk ${kind}, which this viewer does not know.`, REMEDY.newer);
-  } else if (before.some((other) => other.kind === kind && other.level === level)) {
+  } else if (before.some((other) => other.kind === kind && other.part === part)) {
     throw new FieldError(`Chunk ${kind} is there twice.`);
   }
 }
 
-/** The bytes of a chunk, held against their checksum. `bytes` starts at byte `start` of the file. */
-export function chunkBytes(entry: Entry, bytes: Uint8Array, start: number): Uint8Array {
+/** The bytes of a chunk, held against their checksum. `bytes` starts at byte `start` of the file, which has so many `levels`. */
+export function chunkBytes(entry: Entry, bytes: Uint8Array, start: number, levels = Infinity): Uint8Array {
   const chunk = bytes.subarray(entry.offset - start, entry.offset - start + entry.bytes);
   const found = crc32(chunk);
   if (chunk.length === entry.bytes && found === entry.checksum) return chunk;
-  throw new FieldError(`${chunkName(entry)} at byte ${entry.offset} is damaged: its checksum is ${hex(found)} and should be ${hex(entry.checksum)}.`);
+  throw new FieldError(`${chunkName(entry, levels)} at byte ${entry.offset} is damaged: its checksum is ${hex(found)} and should be ${hex(entry.checksum)}.`);
 }
 
 /** For messages. */
-export function chunkName(entry: Entry): string {
-  return entry.level === null ? `Chunk ${entry.kind}` : `Chunk ${entry.kind} of level ${entry.level}`;
+export function chunkName(entry: Entry, levels = Infinity): string {
+  return entry.part === null ? `Chunk ${entry.kind}` : `Chunk ${entry.kind} of ${partName(levels, entry.part)}`;
 }
 
 function hex(value: number): string {

@@ -2,7 +2,9 @@
 
 import { FieldError } from "../errors.js";
 import { type Encoding, type Feature, GROUPS, type Harmonics, type LevelMetadata, type Metadata, METADATA_RULE, type NetworkShape, type Triple } from "./generated.js";
+import { inheritedFrom, levelOfPart, outerBounds, partsOf, partsOfLevel } from "./parts.js";
 import { fail } from "./rules.js";
+import { checkShells, checkSteps, isBox, isWithin } from "./shells.js";
 
 export type { Encoding, Harmonics, LevelMetadata, Metadata, NetworkShape, Triple } from "./generated.js";
 
@@ -36,9 +38,9 @@ export interface ValueGroup {
   color: boolean;
 }
 
-/** The groups of a level that are stored, in the order of their channels: density first, where the level has its own. */
-export function storedGroups(metadata: Metadata, level: number): ValueGroup[] {
-  const stored = metadata.levels[level];
+/** The groups of a part that are stored, in the order of their channels: density first, where it has its own. */
+export function storedGroups(metadata: Metadata, part: number): ValueGroup[] {
+  const stored = partsOf(metadata)[part];
   return GROUPS.flatMap((group) => {
     const { key, kind, color } = group;
     const item = "item" in group ? group.item : null;
@@ -51,8 +53,8 @@ export function storedGroups(metadata: Metadata, level: number): ValueGroup[] {
 }
 
 /** The same without density. */
-export function valueGroups(metadata: Metadata, level: number): ValueGroup[] {
-  return storedGroups(metadata, level).filter(({ key }) => key !== "density");
+export function valueGroups(metadata: Metadata, part: number): ValueGroup[] {
+  return storedGroups(metadata, part).filter(({ key }) => key !== "density");
 }
 
 /** Whether blocks can inherit values of a chunk's kind: else they say where matter is. */
@@ -68,15 +70,15 @@ export const ANISOTROPY = channelsOf("anisotropy");
 /** Colour channels and features of a node, its directional brightness among them, at most. */
 const MOST_CHANNELS = 64;
 
-/** The finest level with directional brightness or anisotropy; null where there is none. */
-export function finestDirectional({ levels }: Metadata): number | null {
-  const level = levels.findIndex(({ directional, anisotropy }) => directional ?? anisotropy);
-  return level < 0 ? null : level;
+/** The finest level that has directional brightness or anisotropy, or whose shell has; null where there is none. */
+export function finestDirectional(metadata: Metadata): number | null {
+  const having = partsOf(metadata).flatMap(({ directional, anisotropy }, part) => (directional ?? anisotropy ? [levelOfPart(metadata, part)] : []));
+  return having.length > 0 ? Math.min(...having) : null;
 }
 
-/** Whether a level has values of this kind. */
-export function hasLevels({ levels }: Metadata, kind: "directional" | "anisotropy"): boolean {
-  return levels.some((level) => level[kind] !== undefined);
+/** Whether a level or a shell has values of this kind. */
+export function hasLevels(metadata: Metadata, kind: "directional" | "anisotropy"): boolean {
+  return partsOf(metadata).some((part) => part[kind] !== undefined);
 }
 
 /** Channels of colour and features that every level has. */
@@ -94,11 +96,12 @@ export function requiredFeatures(metadata: Metadata): Set<Feature> {
   const { activation, march, levels, level_of_detail } = metadata;
   const placed = march.sampled !== undefined || march.voxel !== undefined;
   const asked: Record<Feature, boolean> = {
-    inherited_blocks: levels.some((level) => level.blocks_filled),
+    inherited_blocks: partsOf(metadata).some((part) => part.blocks_filled),
     linear_values: placed || harmonicsOf(metadata) !== null || activation.function !== undefined || levels[0].diffuse.decode === "linear",
     bent_rule: level_of_detail.bends !== undefined,
     directional: hasLevels(metadata, "directional"),
     anisotropy: hasLevels(metadata, "anisotropy"),
+    nested_boxes: metadata.shells !== undefined,
   };
   return new Set((Object.keys(asked) as Feature[]).filter((feature) => asked[feature]));
 }
@@ -117,24 +120,28 @@ export function readMetadata(bytes: Uint8Array): Metadata {
   return metadata;
 }
 
-/** Samples of a ray, at most; far below the whole numbers that the shader's floats count to. */
-const MOST_SAMPLES = 2 ** 20;
 /** Blocks of a level, at most, as in the program: its table is inflated before anything of it can be held to the file. */
 const MOST_BLOCKS = 2 ** 26;
 
 function checkAgreement(metadata: Metadata): void {
   const { bounds, march, levels, activation } = metadata;
+  const parts = partsOf(metadata);
   const [view, harmonics] = [networkOf(metadata), harmonicsOf(metadata)];
-  if (!bounds.min.every((min, axis) => min < bounds.max[axis])) fail("bounds", "a box, min below max");
-  const samples = Math.floor(Math.hypot(...levels[0].dimensions.map((nodes) => nodes + 1)) / march.stepsize);
-  if (samples > MOST_SAMPLES) fail("march.stepsize", `steps of which a ray takes at most ${MOST_SAMPLES}`);
-  const { min, max } = march.sampled ?? bounds;
-  const within = min.every((low, axis) => bounds.min[axis] <= low && low < max[axis] && max[axis] <= bounds.max[axis]);
-  if (!within) fail("march.sampled", "a box within bounds");
+  if (!isBox(bounds)) fail("bounds", "a box, min below max");
+  parts.forEach((part, i) => {
+    const isShell = i >= levels.length;
+    if ((part.bounds !== undefined) !== isShell) fail(`${keyOf(metadata, i)}.bounds`, isShell ? "there" : "left out but for shells");
+  });
+  checkShells(metadata);
+  checkSteps(metadata);
+  const sampled = march.sampled ?? bounds;
+  if (!isBox(sampled) || !isWithin(sampled, outerBounds(metadata))) fail("march.sampled", "a box within that of everything");
   if (march.far !== null && march.far <= march.near) fail("march.far", "above near");
-  levels.forEach((level, i) => {
-    const key = `levels[${i}]`;
-    if (i > 0 && !level.dimensions.every((nodes, axis) => nodes <= levels[i - 1].dimensions[axis])) {
+  parts.forEach((level, i) => {
+    const key = keyOf(metadata, i);
+    // A shell may have any size; what is next coarser is of its size.
+    const finer = i > 0 && i < levels.length ? parts[partsOfLevel(metadata, i - 1)[0]] : level;
+    if (!level.dimensions.every((nodes, axis) => nodes <= finer.dimensions[axis])) {
       fail(`${key}.dimensions`, "no more than those of the finer level");
     }
     const [x, y, z] = level.dimensions;
@@ -143,17 +150,17 @@ function checkAgreement(metadata: Metadata): void {
     const blocks = bx * by * bz;
     if (blocks > MOST_BLOCKS) throw new FieldError(`The metadata's ${key} has ${blocks} blocks; a level may have ${MOST_BLOCKS} at most.`);
     if (level.blocks_stored > blocks) fail(`${key}.blocks_stored`, "no more than the level has");
-    const inheriting = [i, i + 1].filter((number) => number < levels.length);
-    const colors = inheriting.flatMap((number) => valueGroups(metadata, number)).filter(({ color }) => color);
-    const integers = inheriting.length === 2 && colors.every(({ encoding: { number } }) => number === "u8" || number === "u16");
+    const from = inheritedFrom(metadata, i);
+    const colors = [i, from ?? i].flatMap((number) => valueGroups(metadata, number)).filter(({ color }) => color);
+    const integers = from !== null && colors.every(({ encoding: { number } }) => number === "u8" || number === "u16");
     if ((level.blocks_filled ?? 0) > (integers ? level.blocks_stored : 0)) {
-      fail(`${key}.blocks_filled`, "no more than are stored, of a level with a coarser one, both with colours in integers");
+      fail(`${key}.blocks_filled`, "no more than are stored, of a level with a coarser one of the same box, both with colours in integers");
     }
     if ((level.features !== null) !== (metadata.features > 0 && !harmonics)) fail(`${key}.features`, "there if the field has features");
     if ((level.bands?.length ?? 0) !== (harmonics?.degree ?? 0)) fail(`${key}.bands`, "one for each band of harmonics");
     const densities = metadata.blend === "after_activation" ? ["raw_density", "sqrt_optical_depth", "opacity"] : ["raw_density"];
     if (level.density) checkEncoding(level.density, `${key}.density`, densities);
-    const coarser = levels[i + 1];
+    const coarser = levels[levelOfPart(metadata, i) + 1];
     if (level.directional && coarser && !coarser.directional) fail(`${key}.directional`, "left out where the next coarser level has none");
     if (level.directional && (metadata.blend !== "after_activation" || ownChannels(metadata) + DIRECTIONAL > MOST_CHANNELS)) {
       fail(`${key}.directional`, "left out but for levels that are blended after activation, with 58 features at most");
@@ -171,7 +178,7 @@ function checkAgreement(metadata: Metadata): void {
     }
   });
   if (levels[0].density === null) fail("levels[0].density", "an encoding");
-  if (metadata.blend === "after_activation" && levels.some((level) => level.density === null)) {
+  if (metadata.blend === "after_activation" && parts.some((part) => part.density === null)) {
     fail("blend", "before_activation where a level has no density");
   }
   let { factor: slope, bends = [] } = metadata.level_of_detail;
@@ -185,6 +192,11 @@ function checkAgreement(metadata: Metadata): void {
   if (view && (view.widths[0] !== 3 + 6 * view.frequencies + networkInputs(metadata) || view.widths.at(-1) !== 3)) {
     fail("view.widths", "those of its inputs and of three colours");
   }
+}
+
+/** A part's key. */
+function keyOf({ levels }: Metadata, part: number): string {
+  return part < levels.length ? `levels[${part}]` : `shells[${part - levels.length}]`;
 }
 
 /** `decodes` are the meanings that the group may have. */

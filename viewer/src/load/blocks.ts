@@ -1,8 +1,37 @@
-/** The blocks of a level that are stored: chunk TABL. */
+/** The blocks of a part that are stored: chunk TABL. */
 
 import { FieldError } from "../errors.js";
 import type { Triple } from "../format/metadata.js";
-import { inflate } from "../format/zstd.js";
+import { contentSize, inflate } from "../format/zstd.js";
+
+/** Bits of a run's number that say what its blocks are. */
+const KIND_BITS = 4;
+
+/** What each of `total` blocks is, in a file with shells: runs of equal blocks. */
+function fromRuns(chunk: { name: string; bytes: Uint8Array }, total: number): Uint8Array {
+  const no = (what: string) => new FieldError(`${chunk.name} ${what}.`);
+  const size = contentSize(chunk.bytes);
+  if (size === null || !(size <= total)) throw no("does not say how long its runs are, or has more of them than blocks");
+  const bytes = inflate(chunk.bytes, size, chunk.name);
+  const occupied = new Uint8Array(total);
+  let [done, before] = [0, -1];
+  for (let at = 0; at < size; ) {
+    // A number in groups of 7 bits, lowest first. Those beyond 2^53 are longer than any level.
+    let [number, scale] = [0, 1];
+    const first = at;
+    do {
+      number += (bytes[at] & 127) * scale;
+      scale *= 128;
+    } while (bytes[at++] > 127 && at < size && at - first < 9);
+    const isWhole = bytes[at - 1] < 128 && (bytes[at - 1] > 0 || at - first === 1);
+    const [length, kind] = [Math.floor(number / KIND_BITS), number % KIND_BITS];
+    if (!isWhole || length < 1 || length > total - done || kind > 2 || kind === before) throw no(`has a run after block ${done} that cannot be`);
+    occupied.fill(kind, done, done + length);
+    [done, before] = [done + length, kind];
+  }
+  if (done !== total) throw no(`has runs of ${done} blocks, of ${total}`);
+  return occupied;
+}
 
 export class Blocks {
   /** Blocks with a frame, in order. */
@@ -16,9 +45,11 @@ export class Blocks {
   constructor(
     readonly counts: Triple,
     chunk: { name: string; bytes: Uint8Array },
+    /** Whether the chunk has runs of equal blocks. */
+    inRuns = false,
   ) {
     const [nx, ny, nz] = counts;
-    const occupied = inflate(chunk.bytes, nx * ny * nz, chunk.name);
+    const occupied = inRuns ? fromRuns(chunk, nx * ny * nz) : inflate(chunk.bytes, nx * ny * nz, chunk.name);
     this.frames = new Int32Array(occupied.length).fill(-1);
     occupied.forEach((stored, block) => {
       if (stored > 2) throw new FieldError(`${chunk.name} says ${stored} of block ${block}, neither empty nor stored nor inherited.`);

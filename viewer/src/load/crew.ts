@@ -8,11 +8,11 @@ import type { Plan } from "./plan.js";
 /** Fewer blocks than this are not worth another worker. */
 const LEAST_BLOCKS = 512;
 
-/** Consecutive blocks of a level without inherited ones. */
+/** Consecutive blocks of a level or a shell without inherited ones. */
 export interface Job {
   metadata: Metadata;
   plan: Plan;
-  level: number;
+  number: number;
   chunks: Chunks;
   from: number;
   to: number;
@@ -29,9 +29,9 @@ export function buffersOf(part: DecodedPart): Transferable[] {
 /** Says that it has started, then does the jobs that come through a port. */
 export function help(port: MessagePort): void {
   const answer = (what: Answer, transfer: Transferable[] = []) => port.postMessage(what, transfer);
-  port.onmessage = ({ data: { metadata, plan, level, chunks, from, to } }: MessageEvent<Job>) => {
+  port.onmessage = ({ data: { metadata, plan, number, chunks, from, to } }: MessageEvent<Job>) => {
     try {
-      const decoder = new LevelDecoder(metadata, plan, level, chunks, null);
+      const decoder = new LevelDecoder(metadata, plan, number, chunks, null);
       for (const part of decoder.parts(from, to)) answer({ part }, buffersOf(part));
       answer({ marks: decoder.marks });
     } catch (error) {

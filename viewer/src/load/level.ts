@@ -1,4 +1,4 @@
-/** Levels, decoded and laid out for the device part by part. */
+/** Levels and shells, decoded and laid out for the device piece by piece. */
 
 import { FieldError } from "../errors.js";
 import { type Colors, inherit } from "../format/codings/inherit.js";
@@ -6,29 +6,34 @@ import { type Atlas, CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, type Value, values, valueTable } from "../format/codings/values.js";
 import { KNOWN } from "../format/generated.js";
 import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
-import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, isColor, type Metadata, storedGroups } from "../format/metadata.js";
+import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, isColor, type LevelMetadata, type Metadata, storedGroups } from "../format/metadata.js";
+import { boxesReading, isNested, levelOfPart, partName, partsOf } from "../format/parts.js";
 import { Blocks } from "./blocks.js";
 import { absent, colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
 import { fillColors, fillDensity } from "./fill.js";
 import { interpolatedDensity } from "./interpolated.js";
 import { DIRECTIONAL_QUADS, type Plan, slotPlace } from "./plan.js";
-import { MacroCells, macroCounts, occupiedShares } from "./skip.js";
+import { freePlace, MacroCells, macroCounts, occupiedShares } from "./skip.js";
 
-/** Bytes of a part's bricks, about. */
+/** Bytes of a piece's bricks, about. */
 const PART_BYTES = 4 << 20;
+
+/** The way from where one stands to the nearest matter is this part of the box, at least, while finer levels may tell more. */
+const FREE_ENOUGH = 12;
 
 /** Codes that there is room for, of those that are wanted at once. */
 const ROOM = 1.25;
 
-/** Consecutive blocks of a level. */
+/** Consecutive blocks of a level or a shell. */
 export interface DecodedPart {
-  level: number;
+  /** The number of it among the field's parts. */
+  part: number;
   /** The first of them. */
   first: number;
   blocks: number;
   /** Texels along a brick: a block and its apron. */
   side: number;
-  /** Bricks of density, one after the other, in 32 or 16 bits; null where the level has none. */
+  /** Bricks of density, one after the other, in 32 or 16 bits; null where there are none. */
   density: Float32Array | Uint16Array | null;
   /** Bricks of colour in four halves a texel: those of the first quadruple of channels, then those of the next one. */
   color: Uint16Array;
@@ -36,15 +41,23 @@ export interface DecodedPart {
   directional: Uint16Array | null;
 }
 
-/** What a level is entered into the tables by, after its parts. */
+/** Skip distances of the macro cells of a box, of what it shows of a part. */
+export interface Skips {
+  box: number;
+  distances: Uint8Array;
+}
+
+/** What a level or a shell is entered into the tables by, after its blocks. */
 export interface LevelEntry {
-  level: number;
+  part: number;
   /** The slot of each block: 0 for none, else a set bit 30 and its place in 10 bits along each axis. C order. */
   table: Uint32Array;
-  /** The skip distance of each macro cell; null where the level has no density. */
-  skipDistances: Uint8Array | null;
-  /** Two corners, as shares of the box, between which the level shows something; null where nobody asked, or without density. */
+  /** Of each box that the part is read in; none where it has no density. */
+  skips: Skips[];
+  /** Two corners, as shares of box 0, between which the level shows something; null where nobody asked, or without density. */
   occupied: [number[], number[]] | null;
+  /** The middle of the free space of a world's box 0, as shares of it; null where there is none, or that is not known. */
+  free: number[] | null;
 }
 
 /** A level's chunks by their kinds. */
@@ -53,20 +66,21 @@ export type Chunks = Record<string, { name: string; bytes: Uint8Array }>;
 /** Colours of a level by their chunks, for inherited blocks of the next finer one. */
 export type LevelColors = Record<string, Colors>;
 
-/** The chunks that a level is decoded from: those that nobody knows may lie anywhere. */
-export function levelEntries(entries: Entry[], level: number): Entry[] {
-  return entries.filter((entry) => entry.level === level && KNOWN.includes(entry.kind));
+/** The chunks that a part is decoded from: those that nobody knows may lie anywhere. */
+export function levelEntries(entries: Entry[], part: number): Entry[] {
+  return entries.filter((entry) => entry.part === part && KNOWN.includes(entry.kind));
 }
 
-/** The chunks of a level, held against their checksums. `bytes` are those of the file from `start` on. */
-export function levelChunks(entries: Entry[], level: number, bytes: Uint8Array, start: number): Chunks {
-  const own = levelEntries(entries, level);
-  return Object.fromEntries(own.map((entry) => [entry.kind, { name: chunkName(entry), bytes: chunkBytes(entry, bytes, start) }]));
+/** The chunks of a part, held against their checksums. `bytes` are those of the file, of so many `levels`, from `start` on. */
+export function levelChunks(entries: Entry[], part: number, bytes: Uint8Array, start: number, levels = Infinity): Chunks {
+  const own = levelEntries(entries, part);
+  return Object.fromEntries(own.map((entry) => [entry.kind, { name: chunkName(entry, levels), bytes: chunkBytes(entry, bytes, start, levels) }]));
 }
 
-/** Decodes one level. */
+/** Decodes one level or shell. */
 export class LevelDecoder {
   readonly blocks: Blocks;
+  private readonly stored: LevelMetadata;
   private readonly groups: Group[];
   private readonly macro: MacroCells;
 
@@ -74,42 +88,43 @@ export class LevelDecoder {
   constructor(
     private readonly metadata: Metadata,
     private readonly plan: Plan,
-    private readonly level: number,
+    private readonly number: number,
     private readonly chunks: Chunks,
     coarser: LevelColors | null,
   ) {
-    const stored = metadata.levels[level];
+    const stored = (this.stored = partsOf(metadata)[number]);
+    const name = partName(metadata.levels.length, number).replace(/^./, (letter) => letter.toUpperCase());
     const chunk = (kind: string) => {
-      if (!chunks[kind]) throw new FieldError(`Level ${level} has no chunk ${kind}.`);
+      if (!chunks[kind]) throw new FieldError(`${name} has no chunk ${kind}.`);
       return chunks[kind];
     };
-    this.blocks = new Blocks(blockCounts(stored), chunk("TABL"));
+    this.blocks = new Blocks(blockCounts(stored), chunk("TABL"), isNested(metadata));
     const { places, inheritedCount } = this.blocks;
     if (places.length !== stored.blocks_stored) {
-      throw new FieldError(`Level ${level} stores ${places.length} blocks; the metadata says ${stored.blocks_stored}.`);
+      throw new FieldError(`${name} stores ${places.length} blocks; the metadata says ${stored.blocks_stored}.`);
     }
     if (inheritedCount !== (stored.blocks_filled ?? 0)) {
-      throw new FieldError(`Level ${level} inherits ${inheritedCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
+      throw new FieldError(`${name} inherits ${inheritedCount} blocks; the metadata says ${stored.blocks_filled ?? 0}.`);
     }
-    this.groups = storedGroups(metadata, level).map(({ kind, encoding, channels, color }) => {
-      const { name, bytes } = chunk(kind);
+    this.groups = storedGroups(metadata, number).map(({ kind, encoding, channels, color }) => {
+      const { name: own, bytes } = chunk(kind);
       const colored = color && inheritedCount > 0;
-      const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name };
+      const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name: own };
       const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : toHalf;
       const group = new Group(kind, atlas, bytes, map);
       if (!colored) return group;
-      if (!coarser) throw new FieldError(`Level ${level} has inherited blocks, but the level that they are made of is missing.`);
+      if (!coarser) throw new FieldError(`${name} has inherited blocks, but the level that they are made of is missing.`);
       const { codes } = group.decode(0, atlas.frames);
       const known = inherit({ level: stored, ...atlas }, codes, places, (block) => this.blocks.isInherited(block), coarser[kind]);
       group.give(known);
       return group;
     });
-    this.macro = new MacroCells(metadata, level);
+    this.macro = new MacroCells(metadata, number);
   }
 
   /** The blocks `[from, to)` in order, in parts of a few megabytes. */
   *parts(from: number, to: number): Generator<DecodedPart> {
-    const edge = this.metadata.levels[this.level].block_size;
+    const edge = this.stored.block_size;
     const texels = (edge + 1) ** 3;
     const step = Math.max(1, Math.floor(PART_BYTES / (texels * (4 + 8 * (this.plan.quads + (this.isDirectional ? DIRECTIONAL_QUADS : 0))))));
     for (let first = from; first < to; first += step) yield this.part(first, Math.min(to, first + step));
@@ -124,8 +139,8 @@ export class LevelDecoder {
   }
 
   private part(from: number, to: number): DecodedPart {
-    const { blocks, plan, level, metadata } = this;
-    const edge = metadata.levels[level].block_size;
+    const { blocks, plan, number } = this;
+    const edge = this.stored.block_size;
     const end = blocks.reach(to);
     const range: [number, number] = [from, to];
     const bricks = (quads: number, groups: Filled<Uint16Array>[]) => fillColors(blocks, edge, range, quads, groups) ?? colorBricks(blocks, edge, range, quads, groups);
@@ -154,32 +169,36 @@ export class LevelDecoder {
       density = plan.floatLinear ? full : Uint16Array.from(full, toHalf);
     }
     const directional = this.isDirectional ? bricks(DIRECTIONAL_QUADS, [anisotropy, brightness]) : null;
-    return { level, first: from, blocks: to - from, side: edge + 1, density, color: bricks(plan.quads, colors), directional };
+    return { part: number, first: from, blocks: to - from, side: edge + 1, density, color: bricks(plan.quads, colors), directional };
   }
 
   /** Whether the level has its place in the atlas of what depends on the direction. */
   private get isDirectional(): boolean {
     const finest = finestDirectional(this.metadata);
-    return finest !== null && this.level >= finest;
+    return finest !== null && levelOfPart(this.metadata, this.number) >= finest;
   }
 
   /** Marks of macro cells that the parts so far have set, to be joined with others'; null where the level has no density. */
   get marks(): Uint8Array | null {
-    return this.metadata.levels[this.level].density ? this.macro.marks : null;
+    return this.stored.density ? this.macro.marks : null;
   }
 
   /** The level's entry, when parts of all of its blocks have set `marks`; with what it shows where `isFraming`. */
   entry(marks: Uint8Array | null, isFraming: boolean): LevelEntry {
-    const { level, plan } = this;
-    const table = this.blocks.table((frame) => slotPlace(plan, plan.firstSlot[level] + frame));
-    const skipDistances = marks && this.macro.skipDistances(marks);
-    const occupied = isFraming && skipDistances && occupiedShares(skipDistances, macroCounts(this.metadata));
-    return { level, table, skipDistances, occupied: occupied || null };
+    const { metadata, number, plan } = this;
+    const table = this.blocks.table((frame) => slotPlace(plan, plan.firstSlot[number] + frame));
+    const skips = marks ? boxesReading(metadata, number).map((box) => ({ box, distances: this.macro.skipDistances(marks, box) })) : [];
+    const inner = skips.find(({ box }) => box === 0)?.distances;
+    const counts = macroCounts(metadata, 0);
+    const occupied = isFraming && inner ? occupiedShares(inner, counts) : null;
+    // Coarse levels fill what is free; the finest one that comes is as good as it gets.
+    const least = number === plan.finest ? 1 : Math.max(1, Math.min(...counts) / FREE_ENOUGH);
+    return { part: number, table, skips, occupied, free: inner && isNested(metadata) ? freePlace(inner, counts, least) : null };
   }
 
   /** All colours, for inherited blocks of the next finer level. */
   colors(): LevelColors {
-    const stored = this.metadata.levels[this.level];
+    const { stored } = this;
     const colors = this.groups.filter(({ kind }) => isColor(kind));
     const all = colors.map((group): [string, Colors] => {
       const { encoding, channels } = group;

@@ -9,6 +9,7 @@ import { FEATURES } from "../format/generated.js";
 import { chunkBytes, type Entry, ENTRY_BYTES, HEADER_BYTES, paddedEnd, readDirectory, readHeader } from "../format/layout.js";
 import { type Mask, readMask } from "../format/mask.js";
 import { type Metadata, networkOf, readMetadata, requiredFeatures } from "../format/metadata.js";
+import { inheritedFrom, partsFrom, partsOf, partsOfLevel } from "../format/parts.js";
 import { type Layer, readNetwork } from "../format/network.js";
 import { Crew, decodeShares } from "./crew.js";
 import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, levelEntries, type LevelEntry } from "./level.js";
@@ -39,17 +40,17 @@ export interface Opened {
 export interface Listener {
   opened(opened: Opened): void;
   progress(arrived: number): void;
-  /** The bytes of a level have come, and its parts will. */
-  begun(level: number, round: number): void;
-  /** Blocks of a level, in any order; `round` counts the calls of `again`. */
+  /** The bytes of a level or a shell have come, and its blocks will. */
+  begun(part: number, round: number): void;
+  /** Blocks of a level or a shell, in any order; `round` counts the calls of `again`. */
   part(part: DecodedPart, round: number): void;
-  /** All parts of the level have come. */
+  /** All of its blocks have come. */
   entry(entry: LevelEntry, round: number): void;
 }
 
-/** Levels that come together, as they are in the file from `start` on. */
+/** Levels and shells that come together, as they are in the file from `start` on. */
 interface Piece {
-  levels: number[];
+  parts: number[];
   bytes: Uint8Array;
   start: number;
   /** Colours of the level before, where the first one has inherited blocks. */
@@ -97,12 +98,12 @@ export class Loader {
     let rest: Uint8Array = head;
     let start = 0;
     let coarser: LevelColors | null = null;
-    for (const levels of this.pieces(opened)) {
-      const end = this.end(levels[levels.length - 1]);
+    for (const parts of this.pieces(opened)) {
+      const end = this.end(parts[parts.length - 1]);
       const bytes = joined(rest, await this.source.read(loaded, end, listener.progress));
       loaded = start + bytes.length;
       if (loaded < end) throw new FieldError(`The file ends after ${loaded} bytes and should have ${opened.fileBytes}.`);
-      const piece: Piece = { levels, bytes, start, coarser };
+      const piece: Piece = { parts, bytes, start, coarser };
       coarser = await this.inTurn(async () => {
         for (;;) {
           const { round } = this;
@@ -135,21 +136,22 @@ export class Loader {
   }
 
   /** Decodes a piece; the colours that the next one's inherited blocks are made of. */
-  private async decode(opened: Opened, { levels, bytes, start, coarser }: Piece): Promise<LevelColors | null> {
+  private async decode(opened: Opened, { parts, bytes, start, coarser }: Piece): Promise<LevelColors | null> {
     const { metadata, plan } = opened;
     const { round, listener } = this;
     const part = (part: DecodedPart) => listener.part(part, round);
     let colors = coarser;
-    for (const level of levels) {
-      listener.begun(level, round);
-      const chunks = levelChunks(this.entries, level, bytes, start);
-      const decoder = new LevelDecoder(metadata, plan, level, chunks, colors);
-      const { blocks_filled: inherited = 0, blocks_stored: blocks } = metadata.levels[level];
-      const isInherited = level > 0 && (metadata.levels[level - 1].blocks_filled ?? 0) > 0;
+    const all = partsOf(metadata);
+    for (const number of parts) {
+      listener.begun(number, round);
+      const chunks = levelChunks(this.entries, number, bytes, start, metadata.levels.length);
+      const decoder = new LevelDecoder(metadata, plan, number, chunks, colors);
+      const { blocks_filled: inherited = 0, blocks_stored: blocks } = all[number];
+      const isInherited = all.some(({ blocks_filled }, part) => (blocks_filled ?? 0) > 0 && inheritedFrom(metadata, part) === number);
       const helpers = inherited === 0 ? await this.crew.gather(blocks) : [];
       let { marks } = decoder;
       if (helpers.length > 0) {
-        const share = (from: number, to: number) => ({ metadata, plan, level, chunks: decoder.share(from, to), from, to });
+        const share = (from: number, to: number) => ({ metadata, plan, number, chunks: decoder.share(from, to), from, to });
         marks = await decodeShares(helpers, blocks, share, part);
       } else {
         for (const one of decoder.parts(0, blocks)) part(one);
@@ -157,7 +159,8 @@ export class Loader {
       const entry = decoder.entry(marks, !this.isFramed);
       this.isFramed ||= entry.occupied !== null;
       listener.entry(entry, round);
-      colors = isInherited ? decoder.colors() : null;
+      // A shell comes between a level and those that inherit from it.
+      if (number < metadata.levels.length) colors = isInherited ? decoder.colors() : null;
     }
     return colors;
   }
@@ -183,7 +186,7 @@ export class Loader {
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));
     const available = this.available(prefixes, header.fileBytes);
     const laidOut = plan(metadata, device, available);
-    const first = this.find("TABL", metadata.levels.length - 1);
+    const first = this.find("TABL", partsFrom(metadata, 0)[0]);
     // All that is not of a level lies before the coarsest one, or is not needed.
     const body = async (kind: string) => {
       const entry = this.find(kind, null);
@@ -209,26 +212,26 @@ export class Loader {
     throw new FieldError(`The file has ${length} bytes, which is not where a level ends; its header says ${fileBytes}.`);
   }
 
-  /** Levels that come together, coarsest first. */
+  /** Levels, and their shells, that come together, coarsest first. */
   private *pieces({ metadata, plan, fileBytes }: Opened): Generator<number[]> {
     // Levels that render with the finest one only come with it.
     const together = metadata.levels.some(({ density }) => density === null);
-    let levels: number[] = [];
+    let parts: number[] = [];
     for (let level = metadata.levels.length - 1; level >= plan.finest; level--) {
-      levels.push(level);
+      parts.push(...partsOfLevel(metadata, level));
       if (level > plan.finest && (together || this.end(level - 1) <= fileBytes * FIRST_PICTURE)) continue;
-      yield levels;
-      levels = [];
+      yield parts;
+      parts = [];
     }
   }
 
-  private find(kind: string, level: number | null): Entry | undefined {
-    return this.entries.find((entry) => entry.kind === kind && entry.level === level);
+  private find(kind: string, part: number | null): Entry | undefined {
+    return this.entries.find((entry) => entry.kind === kind && entry.part === part);
   }
 
-  /** Bytes from the file's start after which a level can be decoded: its prefix may hold unknown chunks behind those of finer ones. */
-  private end(level: number): number {
-    return Math.max(...levelEntries(this.entries, level).map(paddedEnd));
+  /** Bytes from the file's start after which a part can be decoded: its prefix may hold unknown chunks behind those of finer ones. */
+  private end(part: number): number {
+    return Math.max(...levelEntries(this.entries, part).map(paddedEnd));
   }
 
   private prefix(level: number): number {

@@ -23,7 +23,7 @@ export type Reply =
   | { kind: "device"; limits: DeviceLimits | null }
   | { kind: "opened"; opened: Opened }
   | { kind: "progress"; arrived: number }
-  | { kind: "begun"; level: number; round: number }
+  | { kind: "begun"; part: number; round: number }
   | { kind: "part"; part: DecodedPart; round: number }
   | { kind: "entry"; entry: LevelEntry; round: number }
   | { kind: "done" }

@@ -1,7 +1,7 @@
 /**
  * Where stored blocks lie in the device's textures.
  *
- * All levels share an atlas of density and one of colour. A stored block takes a slot of both, a cube of
+ * All levels and shells share an atlas of density and one of colour. A stored block takes a slot of both, a cube of
  * nodes one wider than a block: on its upper sides it repeats the lowest nodes of its neighbours, so that hardware
  * interpolates every cell of a block within the slot. The coarsest level has the first slots. A texture's x is the
  * field's z, so that nodes lie as in the file.
@@ -12,6 +12,7 @@
 
 import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, channelQuads, finestDirectional, type Metadata, type Triple } from "../format/metadata.js";
+import { partsOf, partsOfLevel } from "../format/parts.js";
 
 /** What the device can hold. */
 export interface DeviceLimits {
@@ -36,7 +37,7 @@ export interface Plan {
   quads: number;
   /** Slots of the atlas of what depends on the direction along its y; 0 where nothing does. */
   directionalRows: number;
-  /** Slots before the first one of each level, fine to coarse. */
+  /** Slots before the first one of each part. */
   firstSlot: number[];
   /** Bytes of all atlases and the table of blocks. */
   bytes: number;
@@ -56,23 +57,26 @@ export function plan(metadata: Metadata, device: DeviceLimits, available: number
   const { levels } = metadata;
   const quads = channelQuads(metadata);
   const directional = finestDirectional(metadata);
-  const slot = Math.max(...levels.map((level) => level.block_size)) + 1;
+  const parts = partsOf(metadata);
+  const slot = Math.max(...parts.map((part) => part.block_size)) + 1;
   const texelBytes = (device.floatLinear ? 4 : 2) + 8 * quads;
-  const firstSlot = new Array<number>(levels.length).fill(0);
+  const firstSlot = new Array<number>(parts.length).fill(0);
   let fitting: Plan | null = null;
   let count = 0;
   let directionalSlots = 0;
-  let tableSide = 0;
+  const table: Triple = [0, 0, 0];
   for (let finest = levels.length - 1; finest >= available; finest--) {
-    const counts = blockCounts(levels[finest]);
-    tableSide += counts[0];
-    firstSlot[finest] = count;
-    count += levels[finest].blocks_stored;
+    for (const part of partsOfLevel(metadata, finest)) {
+      const [x, y, z] = blockCounts(parts[part]);
+      [table[0], table[1], table[2]] = [table[0] + x, Math.max(table[1], y), Math.max(table[2], z)];
+      firstSlot[part] = count;
+      count += parts[part].blocks_stored;
+    }
     if (directional !== null && finest >= directional) directionalSlots = count;
     const deepest = directional === null ? quads : Math.max(quads, DIRECTIONAL_QUADS);
     const slots = arrange(Math.max(count, 1), device.side, slot, deepest);
-    if (!slots || Math.max(tableSide, counts[1], counts[2]) > device.side) break;
-    const tableBytes = 4 * tableSide * counts[1] * counts[2];
+    if (!slots || Math.max(...table) > device.side) break;
+    const tableBytes = 4 * table[0] * table[1] * table[2];
     const directionalRows = Math.ceil(directionalSlots / (slots[0] * slots[2]));
     const directionalBytes = directionalRows * 8 * DIRECTIONAL_QUADS;
     const bytes = slots[0] * slots[2] * slot ** 3 * (slots[1] * texelBytes + directionalBytes) + tableBytes;

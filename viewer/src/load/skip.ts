@@ -3,28 +3,35 @@
  *
  * The box is cut into macro cells of a few level-0 cells a side. A macro cell is occupied by a level if a sample of that
  * level can be visible in it. Each macro cell has, for each level, its skip distance: the Chebyshev distance to the
- * nearest occupied one. A ray jumps that far at once. `sample/skip.rs` of the reference renderer does the same.
+ * nearest occupied one. A ray jumps that far at once. `sample/skip.rs` of the reference renderer does the same. Where boxes
+ * lie around each other, each has macro cells of its own.
  */
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
+import { boxesOf, boxOfPart, extentOf, finestPart, isNested, partsOf } from "../format/parts.js";
 import { invisibleDensity } from "./interpolated.js";
 import { sweepLanes } from "./sweeps.js";
 
 /** Level-0 cells along a macro cell's edge where the box has few. */
 const LEAST_EDGE = 2;
-/** Macro cells along an axis, at most. */
-const MOST_CELLS = 128;
+/** Macro cells along an axis, at most; and where there are several boxes, whose cells lie in memory together. */
+const [MOST_CELLS, MOST_NESTED] = [128, 64];
 
-/** Level-0 cells along a macro cell's edge. */
-export function macroEdge(metadata: Metadata): number {
-  const most = Math.max(...metadata.levels[0].dimensions) - 1;
-  return Math.max(LEAST_EDGE, Math.ceil(most / MOST_CELLS));
+/** Nodes of a box at its finest. */
+export function boxNodes(metadata: Metadata, box: number): Triple {
+  return partsOf(metadata)[finestPart(metadata, box)].dimensions;
 }
 
-/** Macro cells along each axis. */
-export function macroCounts(metadata: Metadata): Triple {
-  const edge = macroEdge(metadata);
-  return metadata.levels[0].dimensions.map((nodes) => Math.ceil((nodes - 1) / edge)) as Triple;
+/** The finest cells of a box along a macro cell's edge. */
+export function macroEdge(metadata: Metadata, box: number): number {
+  const most = Math.max(...boxNodes(metadata, box)) - 1;
+  return Math.max(LEAST_EDGE, Math.ceil(most / (isNested(metadata) ? MOST_NESTED : MOST_CELLS)));
+}
+
+/** A box's macro cells along each axis. */
+export function macroCounts(metadata: Metadata, box: number): Triple {
+  const edge = macroEdge(metadata, box);
+  return boxNodes(metadata, box).map((nodes) => Math.ceil((nodes - 1) / edge)) as Triple;
 }
 
 /** Of the occupied macro cells along an axis, those at each end that may be stray. */
@@ -55,6 +62,26 @@ export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [numb
   return [along.map((cells, axis) => start(cells) / counts[axis]), along.map((cells, axis) => 1 - start(cells.slice().reverse()) / counts[axis])];
 }
 
+/** The middle of the cell that is furthest from all occupied ones and from the box's faces, if it is `least` cells away, as shares of the box. */
+export function freePlace(skipDistances: Uint8Array, counts: Triple, least: number): number[] | null {
+  const [nx, ny, nz] = counts;
+  const toFace = (at: number, count: number) => Math.min(at, count - 1 - at) + 1;
+  let best: { free: number; aside: number; place: number[] } | null = null;
+  for (let x = 0, cell = 0; x < nx; x++) {
+    for (let y = 0; y < ny; y++) {
+      for (let z = 0; z < nz; z++) {
+        const free = Math.min(skipDistances[cell++], toFace(x, nx), toFace(y, ny), toFace(z, nz));
+        if (free < least || (best && free < best.free)) continue;
+        const place = [x, y, z].map((at, axis) => (at + 0.5) / counts[axis]);
+        // Of several, the one nearest to the middle.
+        const aside = Math.hypot(...place.map((share) => share - 0.5));
+        if (!best || free > best.free || aside < best.aside) best = { free, aside, place };
+      }
+    }
+  }
+  return best && best.place;
+}
+
 /** A group of cells along an axis, and the first and last node of a block that is a corner of one of them. */
 interface Nodes {
   group: number;
@@ -62,24 +89,23 @@ interface Nodes {
   last: number;
 }
 
-/** The macro cells of one level. */
+/** The macro cells of one level or shell. */
 export class MacroCells {
-  /** Groups of `edge` cells of the level a side: 1 where a corner of one of them can be seen. */
+  /** Groups of `edge` cells of the part a side: 1 where a corner of one of them can be seen. */
   readonly marks: Uint8Array;
   private readonly edge: number;
-  private readonly counts: Triple;
-  private readonly finest: Triple;
   private readonly nodes: Triple;
   private readonly block: number;
   private readonly limit: number;
   /** Of each axis, by the place of a block along it, what `groups` says. */
   private readonly along: readonly Nodes[][][];
 
-  constructor(metadata: Metadata, level: number) {
-    const stored = metadata.levels[level];
-    this.edge = macroEdge(metadata);
-    this.counts = macroCounts(metadata);
-    this.finest = metadata.levels[0].dimensions;
+  constructor(
+    private readonly metadata: Metadata,
+    private readonly part: number,
+  ) {
+    const stored = partsOf(metadata)[part];
+    this.edge = macroEdge(metadata, boxOfPart(metadata, part));
     this.nodes = stored.dimensions;
     this.block = stored.block_size;
     this.marks = new Uint8Array(this.groupCounts().reduce((product, count) => product * count, 1));
@@ -87,12 +113,13 @@ export class MacroCells {
     this.limit = invisibleDensity(metadata.activation, stored.density?.decode ?? "raw_density");
   }
 
-  /** Skip distances for the level, of the `marks` that all of its blocks have set. */
-  skipDistances(marks: Uint8Array): Uint8Array {
-    const [nx, ny, nz] = this.counts;
+  /** Skip distances in a box for the part, of the `marks` that all of its blocks have set. */
+  skipDistances(marks: Uint8Array, box: number): Uint8Array {
+    const counts = macroCounts(this.metadata, box);
+    const [nx, ny, nz] = counts;
     const skipDistances = new Uint8Array(nx * ny * nz).fill(255);
-    this.clear(marks, skipDistances);
-    if (!sweepLanes(skipDistances, this.counts)) sweepBoth(skipDistances, this.counts);
+    this.clear(marks, skipDistances, box);
+    if (!sweepLanes(skipDistances, counts)) sweepBoth(skipDistances, counts);
     return skipDistances;
   }
 
@@ -148,11 +175,15 @@ export class MacroCells {
     return this.nodes.map((nodes) => Math.ceil(nodes / this.edge)) as Triple;
   }
 
-  /** Writes 0 into the macro cells that marked groups overlap. */
-  private clear(groups: Uint8Array, skipDistances: Uint8Array): void {
+  /** Writes 0 into the macro cells of a box that marked groups overlap. */
+  private clear(groups: Uint8Array, skipDistances: Uint8Array, box: number): void {
     const [, gy, gz] = this.groupCounts();
-    const [, ny, nz] = this.counts;
-    const ranges = this.groupCounts().map((count, axis) => Array.from({ length: count }, (_, group) => this.overlap(axis, group)));
+    const counts = macroCounts(this.metadata, box);
+    const [, ny, nz] = counts;
+    const ranges = this.groupCounts().map((count, axis) => {
+      const place = this.placeIn(box, axis);
+      return Array.from({ length: count }, (_, group) => this.overlap(axis, group, place, counts[axis]));
+    });
     groups.forEach((marked, group) => {
       if (!marked) return;
       const [xs, ys, zs] = [ranges[0][Math.floor(group / gz / gy)], ranges[1][Math.floor(group / gz) % gy], ranges[2][group % gz]];
@@ -162,14 +193,24 @@ export class MacroCells {
     });
   }
 
-  /** The first and one past the last macro cell that a group overlaps along an axis. */
-  private overlap(axis: number, group: number): [number, number] {
-    const toMacro = (this.finest[axis] - 1) / (this.edge * (this.nodes[axis] - 1));
-    const low = group * this.edge * toMacro;
-    const high = Math.min((group + 1) * this.edge, this.nodes[axis] - 1) * toMacro;
+  /** Along an axis, in macro cells of a box, where the part's first node is, and the distance of its nodes. */
+  private placeIn(box: number, axis: number): [number, number] {
+    const { metadata } = this;
+    const [all, own] = [boxesOf(metadata), boxOfPart(metadata, this.part)];
+    const cells = (boxNodes(metadata, box)[axis] - 1) / macroEdge(metadata, box);
+    const nodes = this.nodes[axis] - 1;
+    if (box === own) return [0, cells / nodes];
+    const scale = cells / extentOf(all[box])[axis];
+    return [(all[own].min[axis] - all[box].min[axis]) * scale, (extentOf(all[own])[axis] / nodes) * scale];
+  }
+
+  /** The first and one past the last of `count` macro cells that a group overlaps along an axis. */
+  private overlap(axis: number, group: number, [first, apart]: [number, number], count: number): [number, number] {
+    const low = first + group * this.edge * apart;
+    const high = first + Math.min((group + 1) * this.edge, this.nodes[axis] - 1) * apart;
     // Cells that only touch do not overlap, and rounding is less than this.
-    const [start, end] = [Math.floor(low + 1e-9), Math.ceil(high - 1e-9)];
-    return [Math.min(start, this.counts[axis] - 1), Math.min(end, this.counts[axis])];
+    const within = (cell: number) => Math.min(Math.max(cell, 0), count);
+    return [within(Math.floor(low + 1e-9)), within(Math.ceil(high - 1e-9))];
   }
 }
 

@@ -19,7 +19,7 @@ const prepared = prepareDecoding();
 const listener: Listener = {
   opened: (opened) => port.postMessage({ kind: "opened", opened }),
   progress: (arrived) => port.postMessage({ kind: "progress", arrived }),
-  begun: (level, round) => port.postMessage({ kind: "begun", level, round }),
+  begun: (part, round) => port.postMessage({ kind: "begun", part, round }),
   part: (part, round) => port.postMessage({ kind: "part", part, round }, buffersOf(part)),
   entry: (entry, round) => port.postMessage({ kind: "entry", entry, round }),
 };

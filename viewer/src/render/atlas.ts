@@ -1,13 +1,14 @@
-/** The way of decoded levels into the device's textures. */
+/** The way of decoded levels and shells into the device's textures. */
 
 import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
-import type { DecodedPart, LevelEntry } from "../load/level.js";
+import { boxesOf, levelOfPart, partsFrom, partsOf, partsOfLevel } from "../format/parts.js";
+import type { DecodedPart, LevelEntry, Skips } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { DIRECTIONAL_QUADS, slotPlace } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
 import { whenDone } from "./fence.js";
-import { allocate, free, keeping, tableStarts, type Textures } from "./textures.js";
+import { allocate, free, keeping, macroStart, tableStarts, type Textures } from "./textures.js";
 
 /** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
 const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
@@ -17,17 +18,17 @@ const UPLOAD_BLOCKS = 32;
 /** Macro cells that go at once, at least a plane of them. */
 const UPLOAD_CELLS = 1 << 15;
 
-/** What is on its way to the device: blocks, and after all of a level's the level itself. `done` blocks or planes are there. */
+/** What is on its way to the device: blocks, and after all of a part's the part itself. `done` blocks or planes are there. */
 type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry; done: number };
 
 /** What one device has of a field. */
 export class Atlas {
-  /** Levels whose blocks are all there. */
+  /** Levels and shells whose blocks are all there. */
   readonly live = new Set<number>();
   /** The device's context; null before the first upload. */
   gl: WebGL2RenderingContext | null = null;
-  private readonly skipDistances: Uint8Array;
-  private readonly macro: Triple;
+  /** Of each box, those of four levels a texel, and macro cells along its axes. */
+  private readonly skipDistances: { all: Uint8Array; counts: Triple }[];
   private uploads: Upload[] = [];
   /** Levels whose parts are on their way from the decoders. */
   private readonly expected = new Set<number>();
@@ -42,9 +43,12 @@ export class Atlas {
     private readonly refused: (error: FieldError) => void,
     private isFed: boolean,
   ) {
-    this.macro = macroCounts(opened.metadata);
-    const [x, y, z] = this.macro;
-    this.skipDistances = new Uint8Array(x * y * z * Math.ceil(opened.metadata.levels.length / 4) * 4);
+    const { metadata } = opened;
+    this.skipDistances = boxesOf(metadata).map((_, box) => {
+      const counts = macroCounts(metadata, box);
+      const [x, y, z] = counts;
+      return { all: new Uint8Array(x * y * z * Math.ceil((metadata.levels.length - box) / 4) * 4), counts };
+    });
   }
 
   /** Textures that hold the live levels; null where there is no device. */
@@ -52,9 +56,9 @@ export class Atlas {
     return this.device?.textures ?? null;
   }
 
-  /** A level is being decoded. */
-  expect(level: number): void {
-    if (this.isFed) this.expected.add(level);
+  /** A level or a shell is being decoded. */
+  expect(part: number): void {
+    if (this.isFed) this.expected.add(part);
   }
 
   /** What is being decoded will not come. */
@@ -65,7 +69,7 @@ export class Atlas {
   /** Whether all levels that were to come are there. */
   get isWhole(): boolean {
     const { metadata, plan } = this.opened;
-    return this.live.size === metadata.levels.length - plan.finest;
+    return this.live.size === partsFrom(metadata, plan.finest).length;
   }
 
   /** Takes blocks of a level. What a lost device would get comes again after it is back. */
@@ -76,7 +80,7 @@ export class Atlas {
   /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
     if (this.isFed) this.uploads.push({ entry, done: 0 });
-    this.expected.delete(entry.level);
+    this.expected.delete(entry.part);
   }
 
   /** Whether something waits for `upload`. */
@@ -89,11 +93,13 @@ export class Atlas {
     return this.expected.size > 0;
   }
 
-  /** The finest live level without a hole below it; null where there is none. */
+  /** The finest level without a hole below it that is live with its shell; null where there is none. */
   get finest(): number | null {
-    const { levels } = this.opened.metadata;
+    const { metadata } = this.opened;
+    const { levels } = metadata;
+    const isLive = (level: number) => partsOfLevel(metadata, level).every((part) => this.live.has(part));
     let finest: number | null = null;
-    for (let level = levels.length - 1; level >= 0 && this.live.has(level); level--) finest = level;
+    for (let level = levels.length - 1; level >= 0 && isLive(level); level--) finest = level;
     const whole = levels.every((level) => level.density !== null) || finest === 0;
     return whole ? finest : null;
   }
@@ -155,7 +161,7 @@ export class Atlas {
       const [upload] = this.uploads;
       if ("entry" in upload) {
         left -= this.enter(upload, gl, textures);
-        if (!this.live.has(upload.entry.level)) continue;
+        if (!this.live.has(upload.entry.part)) continue;
       } else {
         left -= this.bring(upload, gl, textures);
         if (upload.done < upload.part.blocks) continue;
@@ -171,7 +177,7 @@ export class Atlas {
     const { slot, slots, quads, firstSlot } = plan;
     const { side, density, color, directional } = part;
     const nodes = side ** 3;
-    const [x, y, z] = slotPlace(plan, firstSlot[part.level] + part.first + done);
+    const [x, y, z] = slotPlace(plan, firstSlot[part.part] + part.first + done);
     // Bricks that fill their slots lie in a row of slots as they lie in memory.
     const blocks = side === slot ? Math.min(part.blocks - done, slots[2] - z, UPLOAD_BLOCKS) : 1;
     const put = (z: number, format: number, type: number, values: ArrayBufferView) => {
@@ -201,28 +207,37 @@ export class Atlas {
 
   /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */
   private enter(upload: { entry: LevelEntry; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
-    const { level, table, skipDistances } = upload.entry;
-    const [mx, my, mz] = this.macro;
-    if (skipDistances && upload.done < mx) {
-      const from = upload.done;
-      upload.done = Math.min(mx, from + Math.max(1, Math.floor(UPLOAD_CELLS / (my * mz))));
-      return this.putSkipDistances(level, skipDistances, [from, upload.done], gl, textures);
+    const { part, table, skips } = upload.entry;
+    // The planes of one box come after those of another.
+    let before = 0;
+    for (const one of skips) {
+      const [mx, my, mz] = this.skipDistances[one.box].counts;
+      const from = upload.done - before;
+      if (from < mx) {
+        const to = Math.min(mx, from + Math.max(1, Math.floor(UPLOAD_CELLS / (my * mz))));
+        upload.done = before + to;
+        return this.putSkipDistances(part, one, [from, to], gl, textures);
+      }
+      before += mx;
     }
     const { metadata, plan } = this.opened;
-    const [nx, ny, nz] = blockCounts(metadata.levels[level]);
+    const [nx, ny, nz] = blockCounts(partsOf(metadata)[part]);
     gl.bindTexture(gl.TEXTURE_3D, textures.u_table!);
-    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[level], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
-    this.live.add(level);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[part], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
+    this.live.add(part);
     return table.byteLength;
   }
 
-  /** Puts the planes `[from, to)` of a level's skip distances beside those of the levels that share their texels. */
-  private putSkipDistances(level: number, skipDistances: Uint8Array, [from, to]: [number, number], gl: WebGL2RenderingContext, textures: Textures): number {
-    const { levels } = this.opened.metadata;
-    const [mx, my, mz] = this.macro;
-    const all = this.skipDistances;
-    // Colour alone shows what level 0 shows.
-    const shown = level === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
+  /** Puts the planes `[from, to)` of a part's skip distances in a box beside those of the levels that share their texels. */
+  private putSkipDistances(part: number, { box, distances }: Skips, [from, to]: [number, number], gl: WebGL2RenderingContext, textures: Textures): number {
+    const { metadata } = this.opened;
+    const { levels } = metadata;
+    const { all, counts } = this.skipDistances[box];
+    const [mx, my, mz] = counts;
+    const [startY, startZ] = macroStart(metadata, box);
+    // A box shows no level before its own number. Colour alone shows what level 0 shows.
+    const level = levelOfPart(metadata, part) - box;
+    const shown = part === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
     const quads = new Set(shown.map((one) => Math.floor(one / 4)));
     gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
     for (const quad of quads) {
@@ -230,9 +245,9 @@ export class Atlas {
       const cells = all.subarray(4 * (first + from * my * mz), 4 * (first + to * my * mz));
       for (const one of shown) {
         if (Math.floor(one / 4) !== quad) continue;
-        for (let at = one % 4, cell = from * my * mz; at < cells.length; at += 4, cell++) cells[at] = skipDistances[cell];
+        for (let at = one % 4, cell = from * my * mz; at < cells.length; at += 4, cell++) cells[at] = distances[cell];
       }
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, quad * mx + from, mz, my, to - from, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, cells);
+      gl.texSubImage3D(gl.TEXTURE_3D, 0, startZ, startY, quad * mx + from, mz, my, to - from, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, cells);
     }
     return quads.size * 4 * (to - from) * my * mz;
   }

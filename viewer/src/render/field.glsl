@@ -1,5 +1,5 @@
-// What the device holds of a field, and what is interpolated from it. Positions are shares of the box, 0 to 1 along each
-// axis. `shader.ts` says what is defined.
+// What the device holds of a field, and what is interpolated from it. Positions are shares of a box, 0 to 1 along each
+// axis. Where boxes lie around each other, what is said of levels holds of parts. `shader.ts` says what is defined.
 
 precision highp float;
 precision highp int;
@@ -22,12 +22,12 @@ uniform int u_slotsDeep;
 // Of each level: nodes along the axes and of a block's edge; where its table starts along the field's x, whether it has
 // density, how that is decoded, and whether it has anisotropy; what density, diffuse colour, features and directional brightness are where nothing is
 // stored.
-uniform ivec4 u_nodes[LEVELS];
-uniform ivec4 u_levels[LEVELS];
-uniform vec4 u_empty[LEVELS];
+uniform ivec4 u_nodes[PARTS];
+uniform ivec4 u_levels[PARTS];
+uniform vec4 u_empty[PARTS];
 #ifdef FUNCTIONS
 // The same of the coefficients of bands 1 to 3.
-uniform vec3 u_emptyBands[LEVELS];
+uniform vec3 u_emptyBands[PARTS];
 #endif
 // The finest level that is there; the level to show, or less than 0 for the rule's.
 uniform int u_finest;
@@ -72,8 +72,22 @@ uniform vec3 u_levelOfDetail;
 // From log2 of the footprint of x on, the slope grows by y.
 uniform vec2 u_bends[BENDS];
 #endif
+#ifdef NESTED
+// Of each box.
+uniform ivec3 u_macroCounts[BOXES];
+uniform vec3 u_macroScale[BOXES];
+// The smallest box that holds what is sampled.
+int box = 0;
+#define MACRO_COUNTS u_macroCounts[box]
+#define MACRO_SCALE u_macroScale[box]
+#define LEVEL_OF(part) (part < LEVELS ? part : part - LEVELS + 1)
+#else
 uniform ivec3 u_macroCounts;
 uniform vec3 u_macroScale;
+#define MACRO_COUNTS u_macroCounts
+#define MACRO_SCALE u_macroScale
+#define LEVEL_OF(level) level
+#endif
 
 #ifdef MASKED
 uniform sampler3D u_mask;
@@ -131,7 +145,7 @@ bool locate(int level, vec3 position, out vec3 texel) {
   // Half a node above the lowest one no rounding moves the quotient past a whole number; processors divide whole numbers
   // one by one.
   ivec3 block = ivec3((vec3(min(ivec3(at), nodes - 2)) + 0.5) / float(edge));
-  bool isOdd = (level & 1) == 1;
+  bool isOdd = (LEVEL_OF(level) & 1) == 1;
   uint place = isOdd ? placeOdd : placeEven;
   ivec4 wanted = ivec4(block, level);
   if ((isOdd ? lookedUpOdd : lookedUpEven) != wanted) {
@@ -216,10 +230,15 @@ bool masked(vec3 position) {
 
 // The skip distance of a macro cell for samples of these levels.
 int skipDistance(ivec3 place, ivec2 levels) {
+#ifdef NESTED
+  // A box shows no level before its own number.
+  levels -= box;
+  place.yz += MACRO_ROOM * ivec2(box % BOXES_BESIDE, box / BOXES_BESIDE);
+#endif
   int least = 255;
   for (int quad = levels.x / 4; quad <= levels.y / 4; quad++) {
     fetches++;
-    ivec4 skipDistances = ivec4(texelFetch(u_skipDistances, ivec3(place.zy, place.x + quad * u_macroCounts.x), 0));
+    ivec4 skipDistances = ivec4(texelFetch(u_skipDistances, ivec3(place.zy, place.x + quad * MACRO_COUNTS.x), 0));
     for (int i = 0; i < 4; i++) {
       int level = quad * 4 + i;
       if (level >= levels.x && level <= levels.y) least = min(least, skipDistances[i]);

@@ -1,5 +1,5 @@
 // One ray a fragment, marched as section 6 of formats/mipvog.md says and as src/render of the reference renderer does. It
-// follows `field.glsl` and the network's source.
+// follows `field.glsl`, the network's source, and `nested.glsl` where boxes lie around each other.
 //
 // Functions are made a part of each place that calls them, and drivers take longer to compile the more there is. So what is
 // done for two levels, or for two ends of a ray, is a loop, which has one place.
@@ -18,6 +18,14 @@ vec3 cameraStart(vec2 pixel) {
 vec3 cameraDirection(vec2 pixel) {
   return vec3(u_isParallel ? vec2(0.0) : onPlane(pixel), -1.0);
 }
+
+#ifdef NESTED
+#define REGION_LAST regionLast
+#define PART(level) partOf(level)
+#else
+#define REGION_LAST last
+#define PART(level) level
+#endif
 
 float entry(vec3 origin, vec3 direction) {
   vec3 inverse = 1.0 / mix(direction, vec3(1e-30), equal(direction, vec3(0.0)));
@@ -46,8 +54,13 @@ float squareAt(Line line, float k) {
 }
 
 float levelAt(float k) {
+#ifdef NESTED
+  float level = u_fixedLevel >= 0.0 ? u_fixedLevel : levelOf(max(squareAt(right, k), squareAt(below, k)));
+  return max(level, float(box));
+#else
   if (u_fixedLevel >= 0.0) return u_fixedLevel;
   return levelOf(max(squareAt(right, k), squareAt(below, k)));
+#endif
 }
 
 float leastSquare(Line line, float first, float last) {
@@ -64,7 +77,11 @@ Line aside(vec2 pixel, float t, float tStep, vec3 origin, vec3 direction) {
   vec3 local = cameraDirection(pixel);
   vec3 other = u_toBox * local;
   vec3 beside = u_toBox * (cameraStart(pixel) - cameraStart(gl_FragCoord.xy));
+#ifdef NESTED
+  vec3 voxels = 2.0 * u_voxels;
+#else
   vec3 voxels = 2.0 * vec3(u_nodes[0].xyz);
+#endif
 #ifdef ASIDE_SAME_INDEX
   float otherStep = stepOf(u_toLocal * local);
   return Line((beside + other * entry(origin + beside, other) - direction * t) * voxels, (other * otherStep - direction * tStep) * voxels);
@@ -127,7 +144,7 @@ vec3 along;
 
 // What a level adds to its logits of diffuse colour along the ray.
 float addedLogit(int level, bool stored, vec3 texel) {
-  if (level < FINEST_DIRECTIONAL) return 0.0;
+  if (LEVEL_OF(level) < FINEST_DIRECTIONAL) return 0.0;
   return dot(along, stored ? directionalAt(1, texel).yzw : vec3(u_empty[level].w));
 }
 #endif
@@ -207,6 +224,14 @@ void main() {
   bool constant = u_fixedLevel >= 0.0;
   ivec2 range = ivec2(int(u_fixedLevel));
   float most = u_fixedLevel;
+#ifdef NESTED
+  rayAside = u_toBox * cameraStart(gl_FragCoord.xy);
+  rayDirection = direction;
+  rayT = t0;
+  rayStep = tStep;
+  float intervals;
+  vec3 cell, stepsPerBox;
+#else
   if (!constant) {
     for (int i = 0; i < 2; i++) most = max(most, levelAt(i == 0 ? first : last));
     float least = min(most, levelOf(max(leastSquare(right, first, last), leastSquare(below, first, last))));
@@ -222,16 +247,37 @@ void main() {
 #endif
   // Of a macro cell, the edge in the box; of the box, the steps along each axis.
   vec3 cell = 1.0 / u_macroScale, stepsPerBox = 1.0 / perStep;
+#endif
   float k = first;
   float enough = u_skips ? OPAQUE_DEPTH : LARGEST;
   while (k <= last && depth < enough) {
+#ifdef NESTED
+    if (k > regionLast) {
+      enterRegion(k, first, last);
+      start = boxStart;
+      perStep = boxStep;
+      cell = 1.0 / MACRO_SCALE;
+      stepsPerBox = 1.0 / perStep;
+      most = 0.0;
+      for (int i = 0; i < 2; i++) most = max(most, levelAt(i == 0 ? k : regionLast));
+      float least = levelOf(max(leastSquare(right, k, regionLast), leastSquare(below, k, regionLast)));
+      least = u_fixedLevel >= 0.0 ? most : min(most, max(least, float(box)));
+      constant = least == most;
+      range = ivec2(int(least), int(ceil(most)));
+#ifdef STEPS_BY_LEVEL
+      intervals = exp2(most);
+#else
+      intervals = exp2(float(box));
+#endif
+    }
+#endif
     vec3 position;
     float leaves;
     bool isFree = true;
     // Rays that a card marches together all come to matter before one of them samples.
-    while (isFree && k <= last) {
+    while (isFree && k <= REGION_LAST) {
       position = clamp(start + k * perStep, 0.0, 1.0);
-      ivec3 place = min(ivec3(position * u_macroScale), u_macroCounts - 1);
+      ivec3 place = min(ivec3(position * MACRO_SCALE), MACRO_COUNTS - 1);
       int free = u_skips ? skipDistance(place, range) : 0;
       // Where the ray leaves the macro cells that this one speaks for.
       leaves = LARGEST;
@@ -245,25 +291,51 @@ void main() {
       if (!isFree) continue;
 #ifdef STEPS_BY_LEVEL
       if (!constant) {
+#ifdef NESTED
+        do k = entered(k, k + exp2(levelAt(k))); while (k < leaves && k <= regionLast);
+#else
         do k += exp2(levelAt(k)); while (k < leaves && k <= last);
+#endif
         continue;
       }
 #endif
+#ifdef NESTED
+      float passed = max(ceil((min(leaves, regionEnd) - k) / intervals), 1.0) * intervals;
+      k = entered(k + passed - intervals, k + passed);
+#else
       k += max(ceil((min(leaves, last + 1.0) - k) / intervals), 1.0) * intervals;
+#endif
     }
+#ifdef NESTED
+    if (isFree) continue;
+#else
     if (isFree) break;
+#endif
     do {
       float lambda = constant ? most : levelAt(k);
       position = clamp(start + k * perStep, 0.0, 1.0);
       float t = t0 + k * tStep;
 #ifdef STEPS_BY_LEVEL
       float stands = exp2(lambda);
+#elif defined(NESTED)
+      float stands = intervals;
 #else
       const float stands = 1.0;
 #endif
+#ifdef NESTED
+      float sampled = k;
+      k = entered(k, k + stands);
+      if (isEntered) stands = k - sampled;
+#else
       k += stands;
+#endif
 #ifdef MASKED
+#ifdef NESTED
+      // The mask is one of the smallest box.
+      if (box == 0 && masked(position)) continue;
+#else
       if (masked(position)) continue;
+#endif
 #endif
       samples++;
       int level = int(lambda);
@@ -273,7 +345,12 @@ void main() {
       vec3 fineTexel, coarseTexel;
       for (int i = 0; i < count; i++) {
         vec3 texel;
+#ifdef NESTED
+        int part = partOf(level + i);
+        bool stored = locate(part, placeIn(boxOf(part), sampled), texel);
+#else
         bool stored = locate(level + i, position, texel);
+#endif
         if (i == 0) {
           fine = stored;
           fineTexel = texel;
@@ -288,7 +365,7 @@ void main() {
       bool seen = false;
       float mixed = 0.0;
       for (int i = 0; i < count; i++) {
-        int dense = level + i;
+        int dense = PART(level + i);
         bool stored = i == 0 ? fine : coarse;
         vec3 texel = i == 0 ? fineTexel : coarseTexel;
 #ifdef SHARED_DENSITY
@@ -307,6 +384,9 @@ void main() {
 #endif
 #ifdef BLEND_AFTER
         density = opticalDepth(density, u_levels[dense].z);
+#ifdef NESTED
+        density *= depthScale(dense);
+#endif
 #endif
         mixed += (density - mixed) * (i == 0 ? 1.0 : share);
       }
@@ -329,9 +409,9 @@ void main() {
         for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(0.0);
         for (int i = 0; i < count; i++) {
           vec4 one[QUADS];
-          colorAt(level + i, i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
+          colorAt(PART(level + i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
 #ifdef BRIGHTNESS
-          one[0].xyz += addedLogit(level + i, i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel);
+          one[0].xyz += addedLogit(PART(level + i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel);
 #endif
 #ifdef BLEND_AFTER
           activate(one);
@@ -343,7 +423,7 @@ void main() {
 #endif
         for (int quad = 0; quad < QUADS; quad++) sum[quad] += weight * color[quad];
       }
-    } while (k < leaves && k <= last && depth < enough);
+    } while (k < leaves && k <= REGION_LAST && depth < enough);
   }
 
   float left = exp(-depth);

@@ -2,6 +2,7 @@
 
 import type { Layer } from "../format/network.js";
 import { type NetworkShape, networkOf, ownChannels } from "../format/metadata.js";
+import { boxesOf, isNested, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 
 /** Widest layer of a network that a fragment can hold. */
@@ -9,15 +10,16 @@ export const WIDEST_LAYER = 256;
 /** Texels along a row of the texture of weights: a power of two. */
 export const WEIGHTS_WIDTH = 1024;
 
-/** Uniforms of four numbers that the shader has besides weights: for each level, and for all of them. */
-const [UNIFORMS_OF_LEVEL, OTHER_UNIFORMS] = [4, 64];
+/** Uniforms of four numbers that the shader has besides weights: for each level or shell, for each of several boxes, and for all of them. */
+const [UNIFORMS_OF_PART, UNIFORMS_OF_BOX, OTHER_UNIFORMS] = [4, 4, 64];
 
 /**
  * Whether the weights are uniforms. Those cost graphics cards next to nothing, as all pixels read the same ones
  * at the same time; texels of 32-bit floats are the dearest that there are.
  */
 export function weighsByUniforms({ metadata, plan, network }: Opened): boolean {
-  return network.length > 0 && packedLength(network) + UNIFORMS_OF_LEVEL * metadata.levels.length + OTHER_UNIFORMS <= plan.uniforms;
+  const others = UNIFORMS_OF_PART * partsOf(metadata).length + (isNested(metadata) ? UNIFORMS_OF_BOX * boxesOf(metadata).length : 0) + OTHER_UNIFORMS;
+  return network.length > 0 && packedLength(network) + others <= plan.uniforms;
 }
 
 /** Quadruples of packed weights. */

@@ -2,10 +2,13 @@
 
 import type { Layer } from "../format/network.js";
 import { type Encoding, finestDirectional, harmonicsOf, hasLevels, type Metadata } from "../format/metadata.js";
+import { boxesOf, isNested, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
+import nested from "./nested.glsl";
 import { networkSource } from "./network.js";
+import { BOXES_BESIDE, macroRoom } from "./textures.js";
 
 /** Its version, as of the fragment shader, is the first line that a framework puts before it. */
 export const VERTEX = /* glsl */ `
@@ -63,6 +66,8 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
     LEVELS: metadata.levels.length,
+    PARTS: partsOf(metadata).length,
+    ...(isNested(metadata) && nestedDefines(metadata)),
     QUADS: quads,
     STATISTICS: OUTPUT.statistics,
     DISTANCE: OUTPUT.distance,
@@ -91,9 +96,14 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
   };
 }
 
+/** What boxes around each other fix. */
+function nestedDefines(metadata: Metadata): Record<string, string | number> {
+  return { NESTED: "", BOXES: boxesOf(metadata).length, BOXES_BESIDE, MACRO_ROOM: `ivec2(${macroRoom(metadata).slice(1).join()})` };
+}
+
 /** The whole shader but its version, with the field's network. */
 export function fragmentShader(opened: Opened): string {
   const { metadata, plan, network } = opened;
   const fixed = Object.entries(defines(metadata, plan.quads, network)).map(([name, value]) => `#define ${name} ${value}`);
-  return [...fixed, field, networkSource(opened), march].join("\n");
+  return [...fixed, field, networkSource(opened), ...(isNested(metadata) ? [nested] : []), march].join("\n");
 }

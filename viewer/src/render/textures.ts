@@ -1,6 +1,7 @@
 /** A field's textures in plain WebGL 2, so that every framework on it can draw from them. */
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
+import { boxesOf, levelOfPart, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import { DIRECTIONAL_QUADS, type Plan } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
@@ -11,30 +12,48 @@ export const SAMPLERS = ["u_density", "u_color", "u_directional", "u_table", "u_
 
 export type Textures = Partial<Record<(typeof SAMPLERS)[number], WebGLTexture>>;
 
-/** Where each level's table starts along the field's x; behind them all, where they end. */
-export function tableStarts({ levels }: Metadata, { finest }: Plan): number[] {
+/** Where the table of each level and shell starts along the field's x; behind them all, where they end. */
+export function tableStarts(metadata: Metadata, { finest }: Plan): number[] {
   let depth = 0;
-  const starts = levels.map((level, number) => {
-    if (number < finest) return 0;
-    depth += blockCounts(level)[0];
-    return depth - blockCounts(level)[0];
+  const starts = partsOf(metadata).map((part, number) => {
+    if (levelOfPart(metadata, number) < finest) return 0;
+    depth += blockCounts(part)[0];
+    return depth - blockCounts(part)[0];
   });
   return [...starts, depth];
+}
+
+/** Boxes whose macro cells lie side by side along the field's y; more lie in rows along its z. */
+export const BOXES_BESIDE = 16;
+
+/** Room for the macro cells of any box along the field's axes: along x for a quadruple of levels. */
+export function macroRoom(metadata: Metadata): Triple {
+  const counts = boxesOf(metadata).map((_, box) => macroCounts(metadata, box));
+  return [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis]))) as Triple;
+}
+
+/** Where a box's macro cells start along the field's y and z. */
+export function macroStart(metadata: Metadata, box: number): [number, number] {
+  const [, y, z] = macroRoom(metadata);
+  return [(box % BOXES_BESIDE) * y, Math.floor(box / BOXES_BESIDE) * z];
 }
 
 /** Makes the textures of a field: storage alone, but for what does not depend on levels. */
 export function allocate(gl: WebGL2RenderingContext, opened: Opened): Textures {
   const { metadata, plan, network, mask } = opened;
   const [x, y, z] = plan.slots.map((slots) => slots * plan.slot);
-  const [mx, my, mz] = macroCounts(metadata);
-  const [, ny, nz] = blockCounts(metadata.levels[plan.finest]);
+  const [mx, my, mz] = macroRoom(metadata);
+  const boxes = boxesOf(metadata).length;
+  const [beside, rows] = [Math.min(boxes, BOXES_BESIDE), Math.ceil(boxes / BOXES_BESIDE)];
+  const counts = partsOf(metadata).flatMap((part, number) => (levelOfPart(metadata, number) < plan.finest ? [] : [blockCounts(part)]));
+  const [, ny, nz] = [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis])));
   const depth = tableStarts(metadata, plan).pop()!;
   return keeping(gl, () => {
     const made: Textures = {
       u_density: cleared(gl, volume(gl, [x, y, z], plan.floatLinear ? gl.R32F : gl.R16F, gl.LINEAR), gl.RED, gl.FLOAT, new Float32Array(1)),
       u_color: cleared(gl, volume(gl, [x, y, z * plan.quads], gl.RGBA16F, gl.LINEAR), gl.RGBA, gl.HALF_FLOAT, new Uint16Array(4)),
       u_table: volume(gl, [nz, ny, depth], gl.R32UI, gl.NEAREST),
-      u_skipDistances: volume(gl, [mz, my, mx * Math.ceil(metadata.levels.length / 4)], gl.RGBA8UI, gl.NEAREST),
+      u_skipDistances: volume(gl, [mz * rows, my * beside, mx * Math.ceil(metadata.levels.length / 4)], gl.RGBA8UI, gl.NEAREST),
     };
     if (plan.directionalRows > 0) {
       const sides = [x, plan.directionalRows * plan.slot, z * DIRECTIONAL_QUADS];

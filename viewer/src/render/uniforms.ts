@@ -1,9 +1,11 @@
 /** The shader's uniforms: what the field fixes, and what follows the camera. */
 
 import type { Encoding, Metadata } from "../format/metadata.js";
+import { boxesOf, extentOf, isNested, outerBounds, partsOf } from "../format/parts.js";
+import { lastSample } from "../format/shells.js";
 import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
-import { macroCounts, macroEdge } from "../load/skip.js";
+import { boxNodes, macroCounts, macroEdge } from "../load/skip.js";
 import { inverse, isParallel, lensOf, linearPart, type Matrix, product, unturned } from "./matrices.js";
 import { packWeights, weighsByUniforms } from "./network.js";
 import { decodeNumber, OUTPUT } from "./shader.js";
@@ -44,30 +46,31 @@ export interface Shown {
 /** As far as a ray without a far plane goes. */
 const BEYOND = 1e30;
 
-/** A corner of the part of the box that rays are sampled in, 0 to 1. */
-function sampledShare({ bounds, march }: Metadata, corner: "min" | "max"): number[] {
-  const at = (march.sampled ?? bounds)[corner];
-  return at.map((value, axis) => (value - bounds.min[axis]) / (bounds.max[axis] - bounds.min[axis]));
+/** A corner of what rays are sampled in, as shares of the box of everything. */
+function sampledShare(metadata: Metadata, corner: "min" | "max"): number[] {
+  const outer = outerBounds(metadata);
+  const extent = extentOf(outer);
+  return (metadata.march.sampled ?? outer)[corner].map((value, axis) => (value - outer.min[axis]) / extent[axis]);
 }
 
 /** Uniforms that stay as they are. */
 export function fieldUniforms(opened: Opened): Uniforms {
   const { metadata, plan, network, mask } = opened;
   const { levels, march, activation, level_of_detail: rule, bounds } = metadata;
-  const [x, y, z] = levels[0].dimensions.map((nodes) => nodes + 1);
-  const edge = macroEdge(metadata);
+  const parts = partsOf(metadata);
+  const boxes = boxesOf(metadata);
   const empty = (encoding: Encoding | null) => encoding?.empty ?? 0;
   const starts = tableStarts(metadata, plan);
   const values: Uniforms = {
     u_slot: plan.slot,
     u_slotsDeep: plan.slots[2],
-    u_nodes: levels.flatMap((level) => [...level.dimensions, level.block_size]),
-    u_levels: levels.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density"), level.anisotropy ? 1 : 0]),
-    u_empty: levels.flatMap(({ density, diffuse, features, directional }) => {
+    u_nodes: parts.flatMap((level) => [...level.dimensions, level.block_size]),
+    u_levels: parts.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density"), level.anisotropy ? 1 : 0]),
+    u_empty: parts.flatMap(({ density, diffuse, features, directional }) => {
       const of = density ? interpolatedDensity(activation, density.decode)(density.empty) : 0;
       return [of, empty(diffuse), empty(features), empty(directional ?? null)];
     }),
-    u_emptyBands: levels.flatMap(({ bands }) => [0, 1, 2].map((band) => empty(bands?.[band] ?? null))),
+    u_emptyBands: parts.flatMap(({ bands }) => [0, 1, 2].map((band) => empty(bands?.[band] ?? null))),
     u_activation: [activation.shift, activation.interval],
     u_thresholds: [march.alpha_threshold, march.color_threshold],
     u_lowest: sampledShare(metadata, "min"),
@@ -75,12 +78,13 @@ export function fieldUniforms(opened: Opened): Uniforms {
     u_step: march.stepsize,
     u_interval: march.stepsize * march.voxel_size,
     u_perVoxel: (march.voxel ?? [0, 0, 0].fill(march.voxel_size)).map((edge) => 1 / edge),
-    u_mostSteps: Math.floor(Math.hypot(x, y, z) / march.stepsize),
+    u_mostSteps: lastSample(metadata),
     u_levelOfDetail: [rule.factor, rule.bias, Math.min(levels.length - 1, rule.most ?? Infinity)],
     ...(rule.bends && { u_bends: rule.bends.flat() }),
     ...(weighsByUniforms(opened) && { u_network: packWeights(network) }),
-    u_macroCounts: macroCounts(metadata),
-    u_macroScale: levels[0].dimensions.map((nodes) => (nodes - 1) / edge),
+    u_macroCounts: boxes.flatMap((_, box) => macroCounts(metadata, box)),
+    u_macroScale: boxes.flatMap((_, box) => boxNodes(metadata, box).map((nodes) => (nodes - 1) / macroEdge(metadata, box))),
+    ...(isNested(metadata) && nestedUniforms(metadata)),
   };
   if (mask) {
     const scale = mask.scale.map((scale, axis) => scale * (bounds.max[axis] - bounds.min[axis]));
@@ -92,6 +96,21 @@ export function fieldUniforms(opened: Opened): Uniforms {
   return values;
 }
 
+/** Of boxes around each other, what does not follow the camera. */
+function nestedUniforms(metadata: Metadata): Uniforms {
+  const outer = extentOf(outerBounds(metadata));
+  const inner = extentOf(metadata.bounds);
+  return {
+    u_boxScale: boxesOf(metadata).flatMap((box) => extentOf(box).map((extent, axis) => outer[axis] / extent)),
+    u_voxels: metadata.levels[0].dimensions.map((nodes, axis) => (nodes * outer[axis]) / inner[axis]),
+  };
+}
+
+/** A point as shares of a box. */
+function sharesOf(point: readonly number[], box: Metadata["bounds"]): number[] {
+  return extentOf(box).map((extent, axis) => (point[axis] - box.min[axis]) / extent);
+}
+
 /** Of depth in clip space, the far end, and the sign towards it. */
 function farEnd({ projection, depth }: View): { at: number; sign: 1 | -1 } {
   const grows = isParallel(projection) ? projection[10] < 0 : projection[14] < 0;
@@ -99,11 +118,14 @@ function farEnd({ projection, depth }: View): { at: number; sign: 1 | -1 } {
 }
 
 /** Uniforms of one picture. */
-export function viewUniforms({ bounds, march, levels }: Metadata, view: View, shown: Shown): Uniforms {
+export function viewUniforms(metadata: Metadata, view: View, shown: Shown): Uniforms {
+  const { march, levels } = metadata;
+  const bounds = outerBounds(metadata);
   const { world, camera, projection, depth } = view;
   // Directions keep their length on the way from the camera, so that distances along them are the same.
   const toLocal = product(inverse(world), camera);
-  const extent = bounds.max.map((max, axis) => max - bounds.min[axis]);
+  const extent = extentOf(bounds);
+  const place = toLocal.slice(12, 15);
   const far = farEnd(view);
   // Before parallel rays start, there is something as well.
   const first = isParallel(projection) ? (projection[14] + far.sign) / projection[10] : 0;
@@ -111,7 +133,8 @@ export function viewUniforms({ bounds, march, levels }: Metadata, view: View, sh
     u_toClip: product(projection, product(inverse(camera), world)),
     u_toLocal: linearPart(toLocal),
     u_toBox: linearPart(toLocal).map((value, at) => value / extent[at % 3]),
-    u_origin: extent.map((extent, axis) => (toLocal[12 + axis] - bounds.min[axis]) / extent),
+    u_origin: sharesOf(place, bounds),
+    ...(isNested(metadata) && { u_boxOrigin: boxesOf(metadata).flatMap((box) => sharesOf(place, box)) }),
     // The network's direction is the world's through the inverse of the rotation alone.
     u_toView: linearPart(product(unturned(world), camera)),
     u_lens: lensOf(projection),

@@ -1,6 +1,6 @@
 /** Containers and assets as objects of a scene. */
 
-import { Box3, Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture } from "three";
+import { Box3, Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture, type Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { FieldError, REMEDY } from "../errors.js";
 import { Compressed } from "./compressed.js";
@@ -140,7 +140,15 @@ function lit(opened: Opened): Opened {
   return opened;
 }
 
-/** Where in the world something is to be seen, as far as has come. */
+/** Where in the scene one stands to see a world from inside; null where what is shown is looked at from outside. */
+export function standpoint({ fields }: Opened): Vector3 | null {
+  const world = fields.find(({ isWorld }) => isWorld);
+  if (!world) return null;
+  world.updateWorldMatrix(true, false);
+  return world.standpoint.applyMatrix4(world.matrixWorld);
+}
+
+/** Where in the scene something is to be seen, as far as has come; of worlds the innermost box. */
 export function visibleBox({ object }: Opened): Box3 {
   const box = new Box3();
   object.updateWorldMatrix(true, true);

@@ -7,6 +7,7 @@ import { whenDone } from "../render/fence.js";
 import type { Statistics } from "../render/measures.js";
 import type { RadianceField } from "../three/field.js";
 import { Painter } from "./painter.js";
+import { distanceSeen, Room } from "./room.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
 import { Walk, type Way } from "./walk.js";
 
@@ -36,6 +37,10 @@ export class Stage {
   private readonly calm = matchMedia("(prefers-reduced-motion: reduce)");
   private readonly observer = new ResizeObserver(() => this.resize());
   private angle = USUAL_FOV;
+  /** Where the camera may be in a world; null around what is looked at from outside. */
+  private room: Room | null = null;
+  /** The distance of what is turned around, while the camera moves otherwise. */
+  private reach = 1;
   /** Where a flight goes, from where and when it began. */
   private flight: { from: Vector3; to: Vector3; aside: Vector3; start: number } | null = null;
   private before = performance.now();
@@ -92,14 +97,24 @@ export class Stage {
   }
 
   set way(way: Way | null) {
-    const reach = this.camera.position.distanceTo(this.controls.target);
+    // In a world, what is turned around is what is looked at.
+    const seen = way === null && this.way && this.room ? (distanceSeen(this.scene, this.renderer, this.camera) ?? this.reach) : undefined;
+    this.setWay(way, seen);
+  }
+
+  private setWay(way: Way | null, reach = this.camera.position.distanceTo(this.controls.target)): void {
     this.walk.way = way;
+    this.reach = reach;
     this.walk.speed = reach / 2;
     this.controls.enabled = way === null;
     if (way) return;
-    const forward = new Vector3(0, 0, -1).applyQuaternion(this.camera.quaternion);
-    this.controls.target.copy(this.camera.position).addScaledVector(forward, reach);
+    this.controls.target.copy(this.ahead());
     this.controls.update();
+  }
+
+  /** What lies ahead of the camera, as far away as what is turned around. */
+  private ahead(): Vector3 {
+    return new Vector3(0, 0, -this.reach).applyQuaternion(this.camera.quaternion).add(this.camera.position);
   }
 
   /** Makes the shaders and the textures of an object that will be shown, and the device's code, without holding the page up. */
@@ -139,13 +154,41 @@ export class Stage {
     this.redraw();
   }
 
+  /** Shows a box: from inside, where one stands, or else from 30 degrees above, all of it in the picture. */
+  show(box: Box3, standpoint: Vector3 | null): void {
+    if (standpoint && !box.isEmpty()) this.enter(new Room(box, standpoint));
+    else this.lookAt(box);
+  }
+
+  private enter(room: Room): void {
+    this.room = room;
+    this.setWay(null);
+    this.flight = null;
+    const { radius } = room;
+    [this.camera.near, this.camera.far] = [radius / 1000, radius * 100];
+    [this.controls.minDistance, this.controls.maxDistance] = [radius / 1000, radius * 4];
+    this.resize();
+    this.camera.position.copy(room.standpoint);
+    this.controls.target.copy(room.target);
+    this.controls.update();
+    this.controls.saveState();
+    this.setWay(this.home);
+    this.redraw(true);
+  }
+
+  /** The way to move that one starts with: worlds are moved through. */
+  private get home(): Way | null {
+    return this.room ? "fly" : null;
+  }
+
   /** Looks at a box from 30 degrees above, all of it in the picture. */
   lookAt(box: Box3): void {
+    this.room = null;
     if (box.isEmpty()) box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
     const center = box.getCenter(new Vector3());
     const radius = Math.max(box.getSize(new Vector3()).length() / 2, 1e-6);
     const back = new Vector3(Math.cos(Math.PI / 6), Math.sin(Math.PI / 6), 0);
-    this.way = null;
+    this.setWay(null);
     this.flight = null;
     this.camera.near = radius / 1000;
     this.camera.far = radius * 100;
@@ -170,25 +213,27 @@ export class Stage {
   }
 
   get viewpoint(): Viewpoint {
-    return { position: this.camera.position.clone(), target: this.controls.target.clone(), fov: this.angle };
+    return { position: this.camera.position.clone(), target: this.way ? this.ahead() : this.controls.target.clone(), fov: this.angle };
   }
 
   /** Goes somewhere at once. */
   set viewpoint({ position, target, fov }: Viewpoint) {
-    this.way = null;
+    this.setWay(null);
     this.flight = null;
     if (fov !== null) this.fov = fov;
     this.camera.position.copy(position);
     this.controls.target.copy(target);
     this.controls.update();
+    if (this.home) this.setWay(this.home);
     this.painter.move();
   }
 
   /** Starts over. */
   reset(): void {
-    this.way = null;
+    this.setWay(null);
     this.flight = null;
     this.controls.reset();
+    if (this.home) this.setWay(this.home);
   }
 
   /** Turns around the picture's point at these pixels of the canvas from now on; false where nothing is there. */
@@ -281,6 +326,7 @@ export class Stage {
       this.controls.enableDamping = !this.calm.matches;
       this.controls.update();
     }
+    if (this.room?.keep(this.camera.position, this.controls.target)) this.painter.move();
     // A device that is told more than it can do makes the page wait.
     if (!this.painter.isBusy) this.painter.draw(this.upload(this.scene));
   }

@@ -57,11 +57,11 @@ export function readPresets(text: string, file: string): Preset[] {
   });
 }
 
-/** Where a preset is in the world of a field at `world`; it looks at what is nearest to `center`. */
-export function presetViewpoint({ toField, fov }: Preset, world: Matrix4, center: Vector3): Viewpoint {
+/** Where a preset is in the world of a field at `world`; it looks at what is nearest to `center`, and `least` away. */
+export function presetViewpoint({ toField, fov }: Preset, world: Matrix4, center: Vector3, least = 1e-6): Viewpoint {
   const toWorld = new Matrix4().multiplyMatrices(world, toField);
   const position = new Vector3().setFromMatrixPosition(toWorld);
   const forward = new Vector3().setFromMatrixColumn(toWorld, 2).normalize().negate();
-  const reach = Math.max(forward.dot(center.clone().sub(position)), 0.1 * position.distanceTo(center), 1e-6);
+  const reach = Math.max(forward.dot(center.clone().sub(position)), 0.1 * position.distanceTo(center), least);
   return { position, target: position.clone().addScaledVector(forward, reach), fov };
 }

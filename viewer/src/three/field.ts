@@ -10,7 +10,6 @@ import {
   FloatType,
   GLSL3,
   type Intersection,
-  LinearSRGBColorSpace,
   Matrix4,
   Mesh,
   NoBlending,
@@ -22,23 +21,23 @@ import {
   RawShaderMaterial,
   Scene,
   ShaderMaterial,
-  SRGBColorSpace,
   Texture,
   Vector3,
-  Vector4,
   type WebGLRenderer,
   WebGLRenderTarget,
 } from "three";
 import { FieldError, REMEDY } from "../errors.js";
 import type { Metadata } from "../format/metadata.js";
+import { isNested, outerBounds } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
 import { lookingAlong } from "../render/matrices.js";
 import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS } from "../render/textures.js";
-import { fieldUniforms, type Shown, type View, viewUniforms } from "../render/uniforms.js";
+import { fieldUniforms, type Shown, viewUniforms } from "../render/uniforms.js";
 import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
+import { attachments, isWebGL, NOWHERE, viewOf } from "./view.js";
 
 /** What `RadianceField` tells, beside what all objects of three.js tell. */
 export interface RadianceFieldEventMap extends Object3DEventMap, FieldEvents {}
@@ -140,16 +139,26 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return this.streamed.decoding;
   }
 
-  /** The part of the box, in local axes, where something is to be seen; all of it before the first level. */
+  /** The part of the box, in local axes, where something is to be seen; all of it before the first level. Of a world the innermost box. */
   get visibleBounds(): Box3 {
     const [min, max] = this.streamed.visible;
     return new Box3(new Vector3(...min), new Vector3(...max));
   }
 
-  /** The box in local axes. */
+  /** The box of everything in local axes. */
   get bounds(): Box3 {
-    const { min, max } = this.metadata?.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
+    const { min, max } = this.metadata ? outerBounds(this.metadata) : { min: [0, 0, 0], max: [0, 0, 0] };
     return new Box3(new Vector3(...min), new Vector3(...max));
+  }
+
+  /** Whether the field is a world: seen from inside, with boxes around that of its finest level. */
+  get isWorld(): boolean {
+    return this.metadata !== null && isNested(this.metadata);
+  }
+
+  /** In local axes, where one may stand in a world: the middle of its free space; that of the innermost box before it is known. */
+  get standpoint(): Vector3 {
+    return new Vector3(...this.streamed.standpoint);
   }
 
   /**
@@ -175,7 +184,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   /** Hits what pictures show, as `pick` does; nothing before the first picture. */
   override raycast({ ray, near, far }: Raycaster, intersects: Intersection[]): void {
     const { renderer } = this;
-    const box = this.visibleBounds.applyMatrix4(this.matrixWorld);
+    const box = (this.isWorld ? this.bounds : this.visibleBounds).applyMatrix4(this.matrixWorld);
     if (!renderer || !this.visible || this.streamed.finest === null || !ray.intersectsBox(box)) return;
     const point = this.pointOf(renderer, new Matrix4().fromArray(lookingAlong(ray.origin.toArray(), ray.direction.toArray())), RAY_PROJECTION);
     const distance = point?.distanceTo(ray.origin) ?? Infinity;
@@ -265,7 +274,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
 
   /** Builds what does not depend on levels. */
   private begin(opened: Opened): void {
-    const { min, max } = opened.metadata.bounds;
+    const { min, max } = outerBounds(opened.metadata);
     const size = min.map((min, axis) => max[axis] - min);
     this.geometry.dispose();
     this.geometry = new BoxGeometry(size[0], size[1], size[2]).translate(min[0] + size[0] / 2, min[1] + size[1] / 2, min[2] + size[2] / 2);
@@ -344,50 +353,6 @@ class FieldMaterial extends RawShaderMaterial {
     const uniforms = Object.fromEntries(Object.entries(this.uniforms).map(([name, { value }]) => [name, { value }]));
     return new FieldMaterial(this.fragmentShader, uniforms, this.prepare) as this;
   }
-}
-
-function isWebGL(renderer: WebGLRenderer): boolean {
-  // Release 160 does not name its class.
-  return (renderer as { isWebGPURenderer?: boolean }).isWebGPURenderer !== true && "properties" in renderer;
-}
-
-/** How many colours of a pixel a target has. */
-function attachments(target: WebGLRenderTarget | null): number {
-  // Named otherwise before release 162.
-  const { textures, texture } = (target ?? {}) as { textures?: unknown[]; texture?: unknown };
-  return textures?.length ?? (Array.isArray(texture) ? texture.length : 1);
-}
-
-/** Before the first picture. */
-const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: 0 };
-
-/** The values that what a renderer draws into takes. */
-function colorSpaceOf(renderer: WebGLRenderer): string {
-  const target = renderer.getRenderTarget() as (WebGLRenderTarget & { isXRRenderTarget?: boolean }) | null;
-  if (!target) return renderer.outputColorSpace;
-  // A headset shows its target as a canvas is shown.
-  return target.isXRRenderTarget ? target.texture.colorSpace : LinearSRGBColorSpace;
-}
-
-/** Where a renderer takes its picture. */
-function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer): View {
-  // An eye of a headset has a part of the picture.
-  const { viewport: own, far } = camera as PerspectiveCamera & { viewport?: Vector4 };
-  const viewport = own ?? renderer.getCurrentViewport(new Vector4());
-  const { width, height } = renderer.domElement;
-  // Named `reverseDepthBuffer` before release 182.
-  const { reversedDepthBuffer, reverseDepthBuffer, logarithmicDepthBuffer } = renderer.capabilities as typeof renderer.capabilities & { reverseDepthBuffer?: boolean };
-  return {
-    world,
-    camera: camera.matrixWorld.elements,
-    projection: camera.projectionMatrix.elements,
-    // Unknown to renderers whose size was never set.
-    viewport: viewport.z === 0 ? [0, 0, width, height] : viewport.toArray(),
-    isLinear: colorSpaceOf(renderer) !== SRGBColorSpace,
-    depth: (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5],
-    logarithm: logarithmicDepthBuffer ? 1 / Math.log2(far + 1) : 0,
-  };
 }
 
 /** @ts-ignore where react-three-fiber is not installed, nothing is said of it. */

@@ -1,0 +1,48 @@
+/** What of three.js's renderers and cameras a field has to know. */
+
+import { type Camera, LinearSRGBColorSpace, type PerspectiveCamera, SRGBColorSpace, Vector4, type WebGLRenderer, type WebGLRenderTarget } from "three";
+import type { View } from "../render/uniforms.js";
+
+export function isWebGL(renderer: WebGLRenderer): boolean {
+  // Release 160 does not name its class.
+  return (renderer as { isWebGPURenderer?: boolean }).isWebGPURenderer !== true && "properties" in renderer;
+}
+
+/** How many colours of a pixel a target has. */
+export function attachments(target: WebGLRenderTarget | null): number {
+  // Named otherwise before release 162.
+  const { textures, texture } = (target ?? {}) as { textures?: unknown[]; texture?: unknown };
+  return textures?.length ?? (Array.isArray(texture) ? texture.length : 1);
+}
+
+/** Before the first picture. */
+const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+export const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: 0 };
+
+/** The values that what a renderer draws into takes. */
+function colorSpaceOf(renderer: WebGLRenderer): string {
+  const target = renderer.getRenderTarget() as (WebGLRenderTarget & { isXRRenderTarget?: boolean }) | null;
+  if (!target) return renderer.outputColorSpace;
+  // A headset shows its target as a canvas is shown.
+  return target.isXRRenderTarget ? target.texture.colorSpace : LinearSRGBColorSpace;
+}
+
+/** Where a renderer takes its picture. */
+export function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer): View {
+  // An eye of a headset has a part of the picture.
+  const { viewport: own, far } = camera as PerspectiveCamera & { viewport?: Vector4 };
+  const viewport = own ?? renderer.getCurrentViewport(new Vector4());
+  const { width, height } = renderer.domElement;
+  // Named `reverseDepthBuffer` before release 182.
+  const { reversedDepthBuffer, reverseDepthBuffer, logarithmicDepthBuffer } = renderer.capabilities as typeof renderer.capabilities & { reverseDepthBuffer?: boolean };
+  return {
+    world,
+    camera: camera.matrixWorld.elements,
+    projection: camera.projectionMatrix.elements,
+    // Unknown to renderers whose size was never set.
+    viewport: viewport.z === 0 ? [0, 0, width, height] : viewport.toArray(),
+    isLinear: colorSpaceOf(renderer) !== SRGBColorSpace,
+    depth: (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5],
+    logarithm: logarithmicDepthBuffer ? 1 / Math.log2(far + 1) : 0,
+  };
+}
