@@ -1,4 +1,4 @@
-// Boxes around each other: section 6 of formats/mipvog.md, "Nested boxes". It stands between `field.glsl` and `march.glsl`.
+// Boxes around each other: section 6 of formats/mipvog.md, "Nested boxes". It stands between `field.glsl` and `rays.glsl`.
 //
 // A ray is marched in regions, up to the next face of a box. A place in a box is found from that of the camera in the same box:
 // as a share of the outermost box, it would have too few bits for a small one.

@@ -8,6 +8,7 @@ import field from "./field.glsl";
 import march from "./march.glsl";
 import nested from "./nested.glsl";
 import { networkSource } from "./network.js";
+import rays from "./rays.glsl";
 import { BOXES_BESIDE, macroRoom } from "./textures.js";
 
 /** Its version, as of the fragment shader, is the first line that a framework puts before it. */
@@ -105,5 +106,5 @@ function nestedDefines(metadata: Metadata): Record<string, string | number> {
 export function fragmentShader(opened: Opened): string {
   const { metadata, plan, network } = opened;
   const fixed = Object.entries(defines(metadata, plan.quads, network)).map(([name, value]) => `#define ${name} ${value}`);
-  return [...fixed, field, networkSource(opened), ...(isNested(metadata) ? [nested] : []), march].join("\n");
+  return [...fixed, field, networkSource(opened), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n");
 }
