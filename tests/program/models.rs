@@ -72,8 +72,16 @@ fn verbs_take_a_folder_of_merf() {
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{arguments:?}: {text}");
     }
-    let output = run(&["bake", "assets", "-o", "other.mipvog"]);
-    assert_eq!(output.status.code(), Some(4), "a core is nothing that anybody asked for");
+    // All of the scene, in boxes around each other.
+    let output = run(&["bake", "assets", "-o", "whole.mipvog"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = run(&["inspect", "whole.mipvog", "--format", "json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_schema("inspect", &report);
+    let reach = |value: &serde_json::Value| value["bounds"]["max"][0].as_f64().expect("a corner");
+    let levels = report["levels"].as_array().expect("levels");
+    assert!(levels.windows(2).all(|pair| reach(&pair[0]) <= reach(&pair[1])));
+    assert!(reach(&levels[0]) < reach(&report), "{}", report["bounds"]);
 }
 
 #[test]
