@@ -19,11 +19,13 @@ use super::report::Baked;
 use crate::bake::{BakeOptions, StageReport, bake};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
+use crate::base::limits::Limits;
 use crate::container::Container;
-use crate::model::camera::turntable;
+use crate::model::camera::{Camera, turntable};
 use crate::model::field::RadianceField;
 use crate::model::view_mlp::ViewMlp;
 use crate::view::compare::{Reference, compare_directions};
+use crate::view::panorama;
 use crate::view::render::Renderer;
 use mipvog_inputs::Source;
 use mipvog_inputs::network::held_out_eyes;
@@ -32,6 +34,14 @@ use mipvog_inputs::tensor::TensorFile;
 /// Cameras around a model that is resampled for a bake, and pixels along a side of their pictures.
 const LOOKS: usize = 4;
 const LOOK_SIDE: usize = 160;
+
+/// Cameras around a model, or inside its world.
+fn looks(source: &Source, limits: &Limits, bar: &Bar) -> Result<Vec<Camera>> {
+    if source.field.shells.is_empty() {
+        return Ok(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]));
+    }
+    panorama(&source.renderer(None, limits)?, LOOKS, [LOOK_SIDE; 2], bar)
+}
 
 /// Bakes a trained scene into `output`, and measures it where a gate asks for that.
 pub fn bake_trained(
@@ -54,7 +64,7 @@ pub fn bake_trained(
         true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, common)?)),
         // The loss of resampling is always told; a bound on memory excludes pictures.
         false if source.is_resampled() && options.memory.is_none() => {
-            Some(turntable(&source.field.scene.bounds, LOOKS, [LOOK_SIDE; 2]))
+            Some(looks(&source, limits, bar)?)
         }
         false => None,
     };

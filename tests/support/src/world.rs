@@ -98,8 +98,8 @@ pub fn random_world(random: &mut Random, shells: usize, share: f32) -> RadianceF
     for _ in 0..shells {
         let spacing = lattice.nodes.spacing(&lattice.bounds);
         let (mut bounds, mut nodes) = (lattice.bounds, lattice.nodes);
-        for axis in 0..3 {
-            let own = f64::from(random.between(1.6, 2.9)) * spacing[axis];
+        for (axis, spacing) in spacing.into_iter().enumerate() {
+            let own = f64::from(random.between(1.6, 2.9)) * spacing;
             let extent = f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
             nodes.0[axis] = (extent / own).ceil() as usize + 2 + random.below(6);
             let more = (nodes.0[axis] - 1) as f64 * own - extent;

@@ -1,6 +1,5 @@
-//! Rays and pictures: values between nodes, the reference renderer, distances of pictures, a view
-//! of the whole scene, regular
-//! lattices of points.
+//! Rays and pictures: values between nodes, the reference renderer, distances of pictures, views of
+//! the whole scene, regular lattices of points.
 
 pub mod compare;
 mod lattice;
@@ -9,4 +8,4 @@ pub mod render;
 pub mod sample;
 
 pub use lattice::Lattice;
-pub use overview::overview;
+pub use overview::{overview, panorama};

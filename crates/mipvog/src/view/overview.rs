@@ -60,6 +60,35 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
 
 /// The camera of a world.
 fn inside(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
+    let eye = standpoint(field, progress)?;
+    let (middle, _) = sphere(&field.view().finest_bounds);
+    // In the middle itself, the front is where that of objects is.
+    let away = (eye - middle).try_normalize().unwrap_or(direction(AROUND, 0.0));
+    let lens = Lens::centered(size, 0.5 * INSIDE_ANGLE);
+    Ok(Camera::looking_at(eye - away, away, 1.0, name(), lens))
+}
+
+/// So many cameras inside a world, at the place of [`overview`], that look around the horizon.
+///
+/// # Errors
+/// As [`overview`].
+pub fn panorama(
+    field: &Renderer,
+    count: usize,
+    size: [usize; 2],
+    progress: &dyn Progress,
+) -> Result<Vec<Camera>> {
+    let eye = standpoint(field, progress)?;
+    let lens = Lens::centered(size, 0.5 * INSIDE_ANGLE);
+    let camera = |number: usize| {
+        let away = direction(AROUND + std::f64::consts::TAU * number as f64 / count as f64, 0.0);
+        Camera::looking_at(eye - away, away, 1.0, format!("{}{number}", name()), lens)
+    };
+    Ok((0..count).map(camera).collect())
+}
+
+/// The place of the innermost box that is farthest from everything.
+fn standpoint(field: &Renderer, progress: &dyn Progress) -> Result<DVec3> {
     let bounds = &field.view().finest_bounds;
     let (middle, radius) = sphere(bounds);
     let extent = DVec3::from(bounds.extent());
@@ -90,11 +119,7 @@ fn inside(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result
             best = (place, distance);
         }
     }
-    let (eye, _) = best;
-    // In the middle itself, the front is where that of objects is.
-    let away = (eye - middle).try_normalize().unwrap_or(direction(AROUND, 0.0));
-    let lens = Lens::centered(size, 0.5 * INSIDE_ANGLE);
-    Ok(Camera::looking_at(eye - away, away, 1.0, name(), lens))
+    Ok(best.0)
 }
 
 fn name() -> String {
