@@ -52,7 +52,7 @@ impl SourceFile {
         }
     }
 
-    /// Opens a regular file, or one at an address where [that is allowed](super::NetworkPermit).
+    /// Opens a regular file, or one at an address where that is allowed.
     pub fn open(path: &Path) -> Result<Self> {
         #[cfg(feature = "network")]
         if let Some(address) = super::address::address(path) {
