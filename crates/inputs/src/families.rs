@@ -6,7 +6,7 @@ use super::other_models;
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
-use super::{dvgo, merf, ngp, plenoctree, plenoxels, sampled, snerg, tensorf, vdb};
+use super::{dvgo, merf, ngp, plenoctree, plenoxels, sampled, snerg, svraster, tensorf, vdb};
 use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::Limits;
 
@@ -47,9 +47,10 @@ const fn row(
 
 /// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held. A
 /// test holds the rows to the documentation, the fuzz targets and the schema of `inspect`.
-const READERS: [Reader; 10] = [
+const READERS: [Reader; 11] = [
     row(Family::PlenOctree, "plenoctrees", "grids", plenoctree::knows, plenoctree::open_tensors),
     row(Family::Plenoxels, "plenoxels", "grids", plenoxels::knows, plenoxels::open_tensors),
+    row(Family::SvRaster, "svraster", "models", svraster::knows, svraster::open_tensors),
     row(Family::Sampled, "sampled-arrays", "grids", sampled::knows, sampled::open_tensors),
     row(Family::Dvgo, "directvoxgo", "models", dvgo::knows, dvgo::open_tensors),
     row(Family::Merf, "merf-folders", "merf", merf::knows, merf::open_tensors),
@@ -133,12 +134,14 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     refuse_ignored(reader.map(|reader| reader.registered.family), options).map_err(in_file)?;
     let source = read(reader, file, options, limits).map_err(in_file)?;
     refuse_extent(&source, options).map_err(in_file)?;
-    let takes_resolution =
-        source.family.is_sampled() || source.is_unbounded || plenoxels::takes_resolution(file);
+    let takes_resolution = source.family.is_sampled()
+        || source.is_unbounded
+        || source.family == Family::SvRaster
+        || plenoxels::takes_resolution(file);
     if options.resolution.is_some() && !takes_resolution {
         let message = format!(
-            "--resolution samples models without nodes (Instant-NGP, torch-ngp) and unbounded scenes, \
-             and states the cells of PeRFception's Plenoxels; a {} model has its own",
+            "--resolution samples models without nodes (Instant-NGP, torch-ngp), octrees of voxels \
+             (SVRaster) and unbounded scenes, and states the cells of PeRFception's Plenoxels; a {} model has its own",
             source.family.name()
         );
         return Err(in_file(Error::usage(message)));
@@ -170,7 +173,11 @@ fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()>
     // The others say themselves what they make of a network.
     let has_no_network = matches!(
         family,
-        Family::Plenoxels | Family::PlenOctree | Family::Tensorf | Family::Sampled
+        Family::Plenoxels
+            | Family::PlenOctree
+            | Family::Tensorf
+            | Family::Sampled
+            | Family::SvRaster
     );
     let ignored = [
         ("--mlp", has_no_network && options.mlp != MlpChoice::Auto),

@@ -35,6 +35,7 @@ pub mod ngp;
 mod open;
 mod options;
 mod other_models;
+mod plain_yaml;
 #[doc(hidden)]
 pub mod plenoctree;
 #[doc(hidden)]
@@ -49,6 +50,8 @@ mod source;
 mod source_use;
 #[doc(hidden)]
 pub mod sparse;
+#[doc(hidden)]
+pub mod svraster;
 #[doc(hidden)]
 pub mod tensor;
 #[doc(hidden)]

@@ -76,6 +76,9 @@ pub enum Family {
     InstantNgp,
     /// torch-ngp.
     TorchNgp,
+    /// SVRaster, and programs that share its files.
+    #[serde(rename = "svraster")]
+    SvRaster,
     /// Volumes of programs for effects, in OpenVDB files.
     Vdb,
 }
@@ -83,7 +86,9 @@ pub enum Family {
 impl Source {
     /// True if the field is made of samples of a model without values at the nodes of a grid.
     pub fn is_resampled(&self) -> bool {
-        self.is_unbounded || self.family == Family::PlenOctree || self.family.is_sampled()
+        self.is_unbounded
+            || matches!(self.family, Family::PlenOctree | Family::SvRaster)
+            || self.family.is_sampled()
     }
 }
 
@@ -106,6 +111,7 @@ impl Family {
             Self::Merf => "MERF",
             Self::InstantNgp => "Instant-NGP",
             Self::TorchNgp => "torch-ngp",
+            Self::SvRaster => "SVRaster",
             Self::Vdb => "OpenVDB",
         }
     }

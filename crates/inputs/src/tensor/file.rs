@@ -61,6 +61,8 @@ pub enum FileKind {
     Msgpack,
     /// An OpenVDB file.
     Vdb,
+    /// A PLY file.
+    Ply,
 }
 
 impl FileKind {
@@ -73,6 +75,7 @@ impl FileKind {
             Self::Folder => "asset folder",
             Self::Msgpack => "snapshot",
             Self::Vdb => "OpenVDB file",
+            Self::Ply => "PLY file",
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::msgpack::packing;
 use super::parameters::is_parameters;
+use super::ply::MAGIC;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::base::file_kind::{self, UNKNOWN, VDB_MAGIC, is_safetensors, is_zip, start};
@@ -19,7 +20,7 @@ pub fn is_tensors(file: &SourceFile) -> Result<bool> {
         || is_safetensors(&start)
         || packing(&start).is_some()
         || start.starts_with(&VDB_MAGIC);
-    Ok(known || is_parameters(file)?)
+    Ok(known || is_voxels(file)? || is_parameters(file)?)
 }
 
 /// Names the kind of a file, as far as its start tells.
@@ -34,8 +35,18 @@ pub fn describe(file: &SourceFile) -> Result<&'static str> {
 
 /// True for a PLY file of Gaussian splats, whose header names their colours.
 pub(super) fn is_splats(file: &SourceFile) -> Result<bool> {
+    is_ply_of(file, ["f_dc_0", "rot_0"])
+}
+
+/// True for a PLY file of SVRaster's voxels.
+pub(super) fn is_voxels(file: &SourceFile) -> Result<bool> {
+    is_ply_of(file, ["octlevel", "grid0_value"])
+}
+
+/// True for a PLY file whose header has these words.
+fn is_ply_of(file: &SourceFile, words: [&str; 2]) -> Result<bool> {
     let count = file.length().min(LONGEST_PLY_HEADER);
     let start = file.read(0, count, count)?;
-    let names = |name: &[u8]| start.windows(name.len()).any(|window| window == name);
-    Ok(start.starts_with(b"ply") && names(b"f_dc_0") && names(b"rot_0"))
+    let names = |word: &str| start.windows(word.len()).any(|window| window == word.as_bytes());
+    Ok(start.starts_with(MAGIC) && words.into_iter().all(names))
 }

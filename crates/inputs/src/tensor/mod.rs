@@ -20,6 +20,7 @@ mod npz;
 mod open;
 mod parameters;
 mod pickle;
+mod ply;
 mod positioned;
 mod read;
 mod safetensors;

@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::TensorFile;
-use super::kind::{describe, is_splats};
+use super::kind::{describe, is_splats, is_voxels};
 use super::zip::Archive;
-use super::{msgpack, npz, parameters, safetensors, torch, vdb};
+use super::{msgpack, npz, parameters, ply, safetensors, torch, vdb};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::file_kind::{
@@ -52,6 +52,9 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     }
     if let Some(packing) = msgpack::packing(&start) {
         return msgpack::open(file, packing, limits);
+    }
+    if is_voxels(file)? {
+        return ply::open(file, limits);
     }
     let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
                     snapshot, a SNeRG folder, or an OpenVDB file";

@@ -1,0 +1,295 @@
+//! Values at the nodes of a plane of a box, out of the voxels that touch it.
+//!
+//! A voxel as large as the cells around a node, or larger, says the node's raw density; of several
+//! the smallest, whose own corner it is. Around a node with smaller voxels the density is a mean over
+//! the node's cell, which reaches half way to the next nodes. Cells are halved along each axis: such
+//! an eighth of a cell lies within one voxel, or is made of smaller ones.
+
+use super::density::density;
+use super::loaded::Voxels;
+use super::octree::{Cube, Part};
+use super::plan::BoxPlan;
+
+/// Stands for no slot.
+const NO_SLOT: u32 = u32::MAX;
+/// Added to the light that a voxel stops when colours are weighted, so that all count.
+const LEAST_WEIGHT: f64 = 1e-4;
+/// Shares of a voxel's edge at which its mean density is sampled.
+const QUARTERS: [f64; 2] = [0.211324865405, 0.788675134595];
+
+/// Nodes of a plane, and where a voxel touches them.
+struct Touch {
+    voxel: u32,
+    cube: Cube,
+    /// The first and last node along y and z.
+    y: [usize; 2],
+    z: [usize; 2],
+}
+
+/// A voxel that is smaller than cells, and the node whose cell holds it.
+struct Small {
+    voxel: u32,
+    cube: Cube,
+    node: usize,
+}
+
+/// The voxels that touch a plane.
+struct Touching {
+    large: Vec<Touch>,
+    small: Vec<Small>,
+}
+
+impl Touching {
+    /// Those of the plane whose nodes have this x, in edges of the smallest voxels.
+    fn find(voxels: &Voxels, plan: &BoxPlan, x: u32) -> Self {
+        let mut found = Self { large: Vec::new(), small: Vec::new() };
+        found.visit(voxels, plan, x, voxels.tree.root());
+        found
+    }
+
+    fn visit(&mut self, voxels: &Voxels, plan: &BoxPlan, x: u32, (part, cube): (Part, Cube)) {
+        let [low_x, low_y, low_z] = cube.corner;
+        let touches = |low: u32, from: u32, to: u32| low <= to && from <= low + cube.edge;
+        let (first, last) = (plan.first, plan.last());
+        if !(touches(low_x, x, x) && touches(low_y, first, last) && touches(low_z, first, last)) {
+            return;
+        }
+        match part {
+            Part::Empty => {}
+            Part::Leaf(voxel) => {
+                let nodes = |low: u32| {
+                    let ends = [low.max(first), (low + cube.edge).min(last)];
+                    ends.map(|at| ((at - first) / plan.edge) as usize)
+                };
+                let (y, z) = (nodes(low_y), nodes(low_z));
+                self.large.push(Touch { voxel, cube, y, z });
+            }
+            Part::Node(node) => {
+                for (part, child) in voxels.tree.children(node, cube) {
+                    if cube.edge > plan.edge {
+                        self.visit(voxels, plan, x, (part, child));
+                        continue;
+                    }
+                    // The node of an eighth is the corner of the cell that it has.
+                    let mut at = child.corner;
+                    let axes = at.iter_mut().zip(cube.corner);
+                    axes.for_each(|(at, low)| *at = if *at > low { low + cube.edge } else { low });
+                    let [node_x, node_y, node_z] = at;
+                    let within = |at: u32| (first..=last).contains(&at);
+                    if node_x == x && within(node_y) && within(node_z) {
+                        let node = [node_y, node_z].map(|at| ((at - first) / plan.edge) as usize);
+                        let [y, z] = node;
+                        self.gather(voxels, y * plan.nodes + z, (part, child));
+                    }
+                }
+            }
+        }
+    }
+
+    fn gather(&mut self, voxels: &Voxels, node: usize, (part, cube): (Part, Cube)) {
+        match part {
+            Part::Empty => {}
+            Part::Leaf(voxel) => self.small.push(Small { voxel, cube, node }),
+            Part::Node(number) => {
+                for child in voxels.tree.children(number, cube) {
+                    self.gather(voxels, node, child);
+                }
+            }
+        }
+    }
+}
+
+/// The share of a voxel's edge at a place, 0 to 1.
+fn share(low: u32, edge: u32, at: f64) -> f64 {
+    ((at - f64::from(low)) / f64::from(edge)).clamp(0.0, 1.0)
+}
+
+impl Touch {
+    /// Calls `visit` with each node and its place in edges of the smallest voxels.
+    fn nodes(&self, plan: &BoxPlan, mut visit: impl FnMut(usize, [u32; 2])) {
+        let ([low_y, high_y], [low_z, high_z]) = (self.y, self.z);
+        let [mut at_y, first_z] =
+            [low_y, low_z].map(|node| plan.first + u32::try_from(node).unwrap_or(0) * plan.edge);
+        for y in low_y..=high_y {
+            let mut at_z = first_z;
+            for z in low_z..=high_z {
+                visit(y * plan.nodes + z, [at_y, at_z]);
+                at_z += plan.edge;
+            }
+            at_y += plan.edge;
+        }
+    }
+
+    /// The eighths of a node's cell that the voxel holds, and the place of one of them.
+    fn eighths(&self, at: [u32; 3], edge: u32) -> (f64, [f64; 3]) {
+        let (mut count, mut middle) = (1.0, [0.0; 3]);
+        let quarter = 0.25 * f64::from(edge);
+        for ((middle, at), low) in middle.iter_mut().zip(at).zip(self.cube.corner) {
+            let inward = match at {
+                _ if at == low => 1.0,
+                _ if at == low + self.cube.edge => -1.0,
+                _ => {
+                    count *= 2.0;
+                    0.0
+                }
+            };
+            *middle = share(low, self.cube.edge, f64::from(at) + inward * quarter);
+        }
+        (count, middle)
+    }
+}
+
+/// The mean optical depth per world unit of a voxel.
+fn mean_density(voxels: &Voxels, voxel: u32) -> f64 {
+    let mut sum = 0.0;
+    for x in QUARTERS {
+        for y in QUARTERS {
+            for z in QUARTERS {
+                sum += density(voxels.raw(voxel, [x, y, z]));
+            }
+        }
+    }
+    sum / 8.0
+}
+
+/// Optical depths per world unit at the nodes of a plane that voxels touch, each told to `out`.
+pub(super) fn densities(voxels: &Voxels, plan: &BoxPlan, x: u32, mut out: impl FnMut(usize, f64)) {
+    let touching = Touching::find(voxels, plan, x);
+    let count = plan.nodes * plan.nodes;
+    let means = (!touching.small.is_empty()).then(|| means(voxels, plan, x, &touching));
+    let is_mean = |node: usize| {
+        let means = means.as_ref();
+        means.and_then(|means| means.get(node)).is_some_and(|mean| *mean >= 0.0)
+    };
+    // Edges of the voxels that nodes have their value of.
+    let mut smallest = vec![u32::MAX; count];
+    for touch in &touching.large {
+        let [low_x, low_y, low_z] = touch.cube.corner;
+        let edge = touch.cube.edge;
+        let share_x = share(low_x, edge, f64::from(x));
+        touch.nodes(plan, |node, [y, z]| {
+            let Some(smallest) = smallest.get_mut(node).filter(|own| edge < **own) else { return };
+            *smallest = edge;
+            if !is_mean(node) {
+                let shares = [share_x, share(low_y, edge, y.into()), share(low_z, edge, z.into())];
+                out(node, density(voxels.raw(touch.voxel, shares)));
+            }
+        });
+    }
+    let means = means.into_iter().flatten().enumerate();
+    means.filter(|(_, mean)| *mean >= 0.0).for_each(|(node, mean)| out(node, mean));
+}
+
+/// Mean densities at nodes with small voxels; -1 at all others.
+fn means(voxels: &Voxels, plan: &BoxPlan, x: u32, touching: &Touching) -> Vec<f64> {
+    let mut means: Vec<f64> = vec![-1.0; plan.nodes * plan.nodes];
+    for small in &touching.small {
+        let volume = f64::from(small.cube.edge) / f64::from(plan.edge);
+        let own = volume * volume * volume * mean_density(voxels, small.voxel);
+        if let Some(mean) = means.get_mut(small.node) {
+            *mean = mean.max(0.0) + own;
+        }
+    }
+    for touch in &touching.large {
+        touch.nodes(plan, |node, [y, z]| {
+            let Some(mean) = means.get_mut(node).filter(|mean| **mean >= 0.0) else { return };
+            let (count, middle) = touch.eighths([x, y, z], plan.edge);
+            *mean += count / 8.0 * density(voxels.raw(touch.voxel, middle));
+        });
+    }
+    means
+}
+
+/// Harmonics at the nodes of a plane that voxels touch.
+#[derive(Debug)]
+pub(super) struct PlaneColors {
+    /// The nodes, ascending.
+    pub(super) nodes: Vec<u32>,
+    /// The numbers of each node, channel after channel.
+    values: Vec<f32>,
+}
+
+impl PlaneColors {
+    /// Means of the voxels around each node, weighted by the light that they stop within a cell.
+    /// `unit` is the edge of the smallest voxels in world units.
+    pub(super) fn find(voxels: &Voxels, plan: &BoxPlan, x: u32, unit: f64) -> Self {
+        let touching = Touching::find(voxels, plan, x);
+        let length = unit * f64::from(plan.edge);
+        let weight = |density: f64| LEAST_WEIGHT - libm::expm1(-density * length);
+        let mut sums = Sums::new(plan.nodes * plan.nodes, voxels.width());
+        for touch in &touching.large {
+            let row = voxels.harmonics(touch.voxel);
+            touch.nodes(plan, |node, [y, z]| {
+                let (count, middle) = touch.eighths([x, y, z], plan.edge);
+                let own = density(voxels.raw(touch.voxel, middle));
+                sums.add(node, count * weight(own), row);
+            });
+        }
+        for small in &touching.small {
+            let share = 2.0 * f64::from(small.cube.edge) / f64::from(plan.edge);
+            let own = weight(mean_density(voxels, small.voxel));
+            sums.add(small.node, share * share * share * own, voxels.harmonics(small.voxel));
+        }
+        sums.finish()
+    }
+
+    /// Bytes in memory.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.values.as_slice())
+    }
+
+    /// The numbers of a channel, in the order of the nodes.
+    pub(super) fn channel(&self, channel: usize) -> &[f32] {
+        let count = self.nodes.len();
+        self.values.get(channel * count..(channel + 1) * count).unwrap_or_default()
+    }
+}
+
+/// Weighted sums at nodes.
+struct Sums {
+    /// The slot of each node.
+    slots: Vec<u32>,
+    /// Sums of a slot, then its weight.
+    sums: Vec<f32>,
+    width: usize,
+}
+
+impl Sums {
+    fn new(nodes: usize, width: usize) -> Self {
+        Self { slots: vec![NO_SLOT; nodes], sums: Vec::new(), width }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "harmonics are float32")]
+    fn add(&mut self, node: usize, weight: f64, row: &[f32]) {
+        let all = self.width + 1;
+        let Some(slot) = self.slots.get_mut(node) else { return };
+        if *slot == NO_SLOT {
+            *slot = u32::try_from(self.sums.len() / all).unwrap_or(NO_SLOT);
+            self.sums.resize(self.sums.len() + all, 0.0);
+        }
+        let first = *slot as usize * all;
+        let Some(sums) = self.sums.get_mut(first..first + all) else { return };
+        let weight = weight as f32;
+        let Some((of_weight, sums)) = sums.split_last_mut() else { return };
+        *of_weight += weight;
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
+    }
+
+    fn finish(self) -> PlaneColors {
+        let Self { slots, sums, width } = self;
+        let with_slot = (0u32..).zip(&slots).filter(|(_, slot)| **slot != NO_SLOT);
+        let nodes: Vec<u32> = with_slot.clone().map(|(node, _)| node).collect();
+        let mut values = vec![0.0; nodes.len() * width];
+        for (at, (_, slot)) in with_slot.enumerate() {
+            let first = *slot as usize * (width + 1);
+            let own = sums.get(first..first + width + 1).and_then(<[f32]>::split_last);
+            let Some((weight, own)) = own else { continue };
+            for (channel, sum) in own.iter().enumerate() {
+                if let Some(out) = values.get_mut(channel * nodes.len() + at) {
+                    *out = sum / weight;
+                }
+            }
+        }
+        PlaneColors { nodes, values }
+    }
+}
