@@ -1,7 +1,10 @@
-//! The raw densities at voxels' corners, out of the table of distinct corners.
+//! The distinct corners of voxels.
+//!
+//! A file has a raw density for each of them, sorted by x, y and z. Those of a plane of x lie
+//! together, so corners are told apart plane by plane.
 
 use super::octree::{Cube, SIDE};
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Place, Result};
 use crate::base::limits::{self, Budget};
 use crate::base::parallel;
 
@@ -17,104 +20,116 @@ fn four(cube: Cube) -> [u64; 4] {
     [key(y, z), key(y, high_z), key(high_y, z), key(high_y, high_z)]
 }
 
-/// The raw densities at the eight corners of each voxel, x slowest. `table` holds those of all
-/// distinct corners, sorted by x, y and z.
-///
-/// # Errors
-/// `Malformed` for a table of more or fewer corners than the voxels have.
-pub(super) fn corners(cubes: &[Cube], table: &[f32], budget: &mut Budget) -> Result<Vec<[f32; 8]>> {
-    let place = Place::Tensor("_geo_grid_pts".to_owned());
-    // A voxel has two planes of corners. Those of each plane of x lie together in the table, so
-    // they are told apart plane by plane.
-    let mut starts: Vec<usize> = vec![0; SIDE as usize + 2];
-    let planes = |cube: &Cube| {
-        let [x, _, _] = cube.corner;
-        [x, x + cube.edge].map(|x| x as usize)
-    };
-    for x in cubes.iter().flat_map(planes) {
-        if let Some(count) = starts.get_mut(x + 1) {
-            *count += 1;
+/// The distinct corners of voxels.
+#[derive(Debug)]
+pub(super) struct Corners {
+    /// The numbers of each voxel's corners, x slowest. They count distinct corners by x, y and z.
+    pub(super) of_voxels: Vec<[u32; 8]>,
+    /// How many there are.
+    pub(super) count: usize,
+}
+
+/// Planes whose corners are told apart before their numbers are stored: they wait in memory.
+const PLANES: usize = 64;
+
+impl Corners {
+    /// Tells the corners of voxels apart.
+    ///
+    /// # Errors
+    /// `OverLimit` for more memory than the budget has.
+    pub(super) fn find(cubes: &[Cube], budget: &mut Budget) -> Result<Self> {
+        let place = Place::Tensor("octpath".to_owned());
+        let members = Members::find(cubes, budget)?;
+        let cube_of = |member: u32| cubes.get(member as usize / 2).copied();
+        let distinct = |x: usize| {
+            let cubes = members.of(x).iter().filter_map(|member| cube_of(*member));
+            let mut keys: Vec<u64> = cubes.flat_map(four).collect();
+            keys.sort_unstable();
+            keys.dedup();
+            keys
+        };
+        let used: Vec<usize> = (0..=SIDE as usize).filter(|x| !members.of(*x).is_empty()).collect();
+        let mut of_voxels: Vec<[u32; 8]> =
+            budget.zeroed(cubes.len(), "bytes of corners", &place)?;
+        let mut all = 0;
+        for planes in used.chunks(PLANES) {
+            // Numbers within a plane, and how many it has.
+            let found = parallel::map(planes.len(), |at| {
+                let x = planes.get(at).copied().unwrap_or(0);
+                let keys = distinct(x);
+                let number = |key: u64| {
+                    let at = keys.binary_search(&key).unwrap_or(0);
+                    u32::try_from(at).unwrap_or(0)
+                };
+                let numbers = members
+                    .of(x)
+                    .iter()
+                    .map(|member| cube_of(*member).map_or([0; 4], |cube| four(cube).map(number)));
+                Ok((numbers.collect::<Vec<_>>(), keys.len()))
+            })?;
+            for (x, (numbers, count)) in planes.iter().zip(found) {
+                let before = u32::try_from(all).unwrap_or(u32::MAX);
+                for (member, numbers) in members.of(*x).iter().zip(numbers) {
+                    let voxel = of_voxels.get_mut(*member as usize / 2);
+                    let halves = voxel.map(|corners| corners.split_at_mut(4));
+                    let half = halves.map(|(low, high)| if member % 2 == 0 { low } else { high });
+                    let out = half.into_iter().flatten().zip(numbers);
+                    out.for_each(|(out, number)| *out = number.saturating_add(before));
+                }
+                all += count;
+                limits::check_fixed("corners", all as u64, u64::from(u32::MAX - 1), &place)?;
+            }
         }
+        Ok(Self { of_voxels, count: all })
     }
-    let mut sum = 0;
-    for start in &mut starts {
-        sum += *start;
-        *start = sum;
-    }
-    let count = limits::product(&[2, cubes.len() as u64], "corners", &place)?;
-    // For each plane its voxels, twice their number, plus one for the upper plane.
-    let mut members: Vec<u32> = budget.zeroed(count, "bytes of corners", &place)?;
-    let mut next = starts.clone();
-    for (number, cube) in (0u32..).zip(cubes) {
-        for (x, member) in planes(cube).into_iter().zip([2 * number, 2 * number + 1]) {
-            if let Some(next) = next.get_mut(x) {
+}
+
+/// The voxels that have corners in each plane of x.
+struct Members {
+    /// The first member of each plane, and the end of the last one.
+    starts: Vec<usize>,
+    /// Twice a voxel's number, plus one for its upper plane.
+    members: Vec<u32>,
+}
+
+impl Members {
+    fn find(cubes: &[Cube], budget: &mut Budget) -> Result<Self> {
+        let place = Place::Tensor("octpath".to_owned());
+        let planes = |cube: &Cube| {
+            let [x, _, _] = cube.corner;
+            [x, x + cube.edge].map(|x| x as usize)
+        };
+        let mut starts: Vec<usize> = vec![0; SIDE as usize + 2];
+        for x in cubes.iter().flat_map(planes) {
+            if let Some(count) = starts.get_mut(x + 1) {
+                *count += 1;
+            }
+        }
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += *start;
+            *start = sum;
+        }
+        let count = limits::product(&[2, cubes.len() as u64], "corners", &place)?;
+        let mut members: Vec<u32> = budget.zeroed(count, "bytes of corners", &place)?;
+        let mut next = starts.clone();
+        for (number, cube) in (0u32..).zip(cubes) {
+            for (x, member) in planes(cube).into_iter().zip([2 * number, 2 * number + 1]) {
+                let Some(next) = next.get_mut(x) else { continue };
                 if let Some(out) = members.get_mut(*next) {
                     *out = member;
                 }
                 *next += 1;
             }
         }
+        Ok(Self { starts, members })
     }
-    let members_of = |x: usize| {
-        let ends = starts.get(x).zip(starts.get(x + 1));
-        ends.and_then(|(start, end)| members.get(*start..*end)).unwrap_or_default()
-    };
-    let cube_of = |member: u32| cubes.get(member as usize / 2).copied();
-    let distinct = |x: usize| {
-        let cubes = members_of(x).iter().filter_map(|member| cube_of(*member));
-        let mut keys: Vec<u64> = cubes.flat_map(four).collect();
-        keys.sort_unstable();
-        keys.dedup();
-        keys
-    };
-    let used: Vec<usize> = (0..=SIDE as usize).filter(|x| !members_of(*x).is_empty()).collect();
-    let at = |number: usize| used.get(number).copied().unwrap_or(usize::MAX - 1);
-    let counts = parallel::map(used.len(), |number| Ok(distinct(at(number)).len()))?;
-    let all: usize = counts.iter().sum();
-    if all != table.len() {
-        let found = format!("{} raw densities", table.len());
-        let expected = format!("{all}, as many as the voxels have distinct corners");
-        return Err(Error::malformed(place, found, expected));
-    }
-    let mut rest = table;
-    let tables: Vec<&[f32]> = counts
-        .iter()
-        .map(|count| {
-            let (own, left) = rest.split_at(*count);
-            rest = left;
-            own
-        })
-        .collect();
-    let mut raw: Vec<[f32; 8]> = budget.zeroed(cubes.len(), "bytes of corners", &place)?;
-    for first in (0..used.len()).step_by(PLANES) {
-        let count = PLANES.min(used.len() - first);
-        let found = parallel::map(count, |number| {
-            let x = at(first + number);
-            let (keys, table) = (distinct(x), tables.get(first + number).copied());
-            let value = |key: u64| {
-                let place = keys.binary_search(&key).ok();
-                place.and_then(|place| table?.get(place)).copied().unwrap_or(0.0)
-            };
-            let members = members_of(x).iter();
-            Ok(members
-                .map(|member| cube_of(*member).map_or([0.0; 4], |cube| four(cube).map(value)))
-                .collect::<Vec<_>>())
-        })?;
-        for (number, values) in (first..).zip(found) {
-            for (member, values) in members_of(at(number)).iter().zip(values) {
-                let raw = raw.get_mut(*member as usize / 2).map(|raw| raw.split_at_mut(4));
-                let half = raw.map(|(low, high)| if member % 2 == 0 { low } else { high });
-                if let Some(half) = half {
-                    half.copy_from_slice(&values);
-                }
-            }
-        }
-    }
-    Ok(raw)
-}
 
-/// Planes whose values are found before they are stored: they wait in memory.
-const PLANES: usize = 64;
+    fn of(&self, x: usize) -> &[u32] {
+        let ends = self.starts.get(x).zip(self.starts.get(x + 1));
+        ends.and_then(|(start, end)| self.members.get(*start..*end)).unwrap_or_default()
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -124,7 +139,7 @@ mod tests {
     use crate::base::limits::Limits;
 
     #[test]
-    fn each_corner_has_its_entry() {
+    fn corners_are_numbered_by_their_places() {
         let cubes = [
             Cube { corner: [0; 3], edge: 4 },
             Cube { corner: [4, 0, 0], edge: 4 },
@@ -142,15 +157,13 @@ mod tests {
             })
         };
         let distinct: BTreeSet<[u32; 3]> = cubes.iter().flat_map(of).collect();
-        let value = |[x, y, z]: [u32; 3]| (x * 100 + y * 10 + z) as f32;
-        let table: Vec<f32> = distinct.into_iter().map(value).collect();
+        let numbers: Vec<[u32; 3]> = distinct.into_iter().collect();
         let mut budget = Budget::new(&Limits::default());
-        let found = corners(&cubes, &table, &mut budget).expect("a fitting table");
-        for (cube, found) in cubes.iter().zip(found) {
-            let expected: Vec<f32> = of(cube).map(value).collect();
-            assert_eq!(found.as_slice(), expected);
+        let found = Corners::find(&cubes, &mut budget).expect("corners");
+        assert_eq!(found.count, numbers.len());
+        for (cube, found) in cubes.iter().zip(found.of_voxels) {
+            let places: Vec<[u32; 3]> = found.iter().map(|at| numbers[*at as usize]).collect();
+            assert_eq!(places, of(cube).collect::<Vec<_>>());
         }
-        let error = corners(&cubes, &table[1..], &mut budget).expect_err("a corner is missing");
-        assert!(error.to_string().contains("as many as the voxels have"), "{error}");
     }
 }

@@ -6,7 +6,7 @@ const BEND: f64 = 1.1;
 const SLOPE: f64 = 0.909_090_909_091;
 const OFFSET: f64 = 0.904_689_820_196;
 /// Optical depth per world unit of a density of 1.
-pub(super) const PER_UNIT: f64 = 100.0;
+const PER_UNIT: f64 = 100.0;
 
 /// Optical depth per world unit.
 #[inline]

@@ -3,15 +3,14 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-use super::density::PER_UNIT;
+use super::colors::{NodeColors, Painted};
+use super::even::unit;
 use super::loaded::VoxelFile;
-use super::octree::SIDE;
 use super::plan::BoxPlan;
-use super::plane::{PlaneColors, densities};
+use super::plane::densities;
 use crate::base::error::Result;
 use crate::base::lock::lock;
 use crate::base::progress::Progress;
-use crate::model::activate;
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
 use crate::model::grid::{Nodes, row};
 use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
@@ -26,8 +25,8 @@ fn place(plan: &BoxPlan, x: usize) -> u32 {
     plan.first + u32::try_from(x).unwrap_or(0) * plan.edge
 }
 
-/// Raw densities of a box, for a softplus of which 1 is an optical depth of [`PER_UNIT`] per world
-/// unit.
+/// Densities of a box, as logits: a softplus of 1 is an optical depth of
+/// [`SCALE`](super::even::SCALE) per world unit.
 #[derive(Debug)]
 pub(super) struct BoxDensity {
     pub(super) file: Arc<VoxelFile>,
@@ -52,53 +51,76 @@ impl NodeValues for BoxDensity {
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {
-        self.file.load().map(drop)
+        self.file.logits().map(drop)
     }
 
     fn read(&self, _: usize, x: usize, _: &[u64], out: &mut [f32]) -> Result<u64> {
-        let voxels = self.file.load()?;
+        let (voxels, logits) = (self.file.load()?, self.file.logits()?);
         out.fill(EMPTY_LOGIT);
-        densities(&voxels, &self.plan, place(&self.plan, x), |node, density| {
+        densities(&voxels, &logits, &self.plan, place(&self.plan, x), |node, logit| {
             if let Some(out) = out.get_mut(node) {
                 #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
-                let raw = activate::inverse_softplus(density / PER_UNIT) as f32;
-                *out = raw.max(EMPTY_LOGIT);
+                let logit = logit as f32;
+                *out = logit.max(EMPTY_LOGIT);
             }
         });
         Ok(0)
     }
 }
 
+/// The last planes that were wanted.
+type Kept = Mutex<VecDeque<(usize, Arc<NodeColors>)>>;
+
 /// Harmonics of a box.
 #[derive(Debug)]
 pub(super) struct BoxColors {
-    pub(super) file: Arc<VoxelFile>,
-    pub(super) plan: BoxPlan,
+    file: Arc<VoxelFile>,
+    plan: BoxPlan,
     /// The rules that make colours of those of band 0, for colours that do not depend on the view.
-    pub(super) plain: Option<Harmonics>,
-    pub(super) kept: Mutex<VecDeque<(usize, Arc<PlaneColors>)>>,
+    plain: Option<Harmonics>,
+    means: Kept,
+    sharpened: Kept,
+}
+
+/// A plane's colours. Two threads that want the same one may both find it.
+fn plane(
+    kept: &Kept,
+    x: usize,
+    find: impl FnOnce() -> Result<NodeColors>,
+) -> Result<Arc<NodeColors>> {
+    if let Some((_, plane)) = lock(kept).iter().find(|(number, _)| *number == x) {
+        return Ok(Arc::clone(plane));
+    }
+    let plane = Arc::new(find()?);
+    let mut kept = lock(kept);
+    kept.push_back((x, Arc::clone(&plane)));
+    let bytes = |kept: &VecDeque<(usize, Arc<NodeColors>)>| {
+        kept.iter().map(|(_, plane)| plane.bytes()).sum::<usize>()
+    };
+    while kept.len() > KEPT_PLANES && bytes(&kept) > KEPT_BYTES {
+        kept.pop_front();
+    }
+    Ok(plane)
 }
 
 impl BoxColors {
-    /// A plane's colours. Two threads that want the same one may both find it.
-    fn plane(&self, x: usize) -> Result<Arc<PlaneColors>> {
-        let is_own = |(number, _): &(usize, _)| *number == x;
-        if let Some((_, plane)) = lock(&self.kept).iter().find(|kept| is_own(kept)) {
-            return Ok(Arc::clone(plane));
-        }
-        let voxels = self.file.load()?;
-        let unit = self.file.settings.extent / f64::from(SIDE);
-        let at = place(&self.plan, x);
-        let plane = Arc::new(PlaneColors::find(&voxels, &self.plan, at, unit));
-        let mut kept = lock(&self.kept);
-        kept.push_back((x, Arc::clone(&plane)));
-        let bytes = |kept: &VecDeque<(usize, Arc<PlaneColors>)>| {
-            kept.iter().map(|(_, plane)| plane.bytes()).sum::<usize>()
-        };
-        while kept.len() > KEPT_PLANES && bytes(&kept) > KEPT_BYTES {
-            kept.pop_front();
-        }
-        Ok(plane)
+    pub(super) fn new(file: Arc<VoxelFile>, plan: BoxPlan, plain: Option<Harmonics>) -> Self {
+        Self { file, plan, plain, means: Mutex::default(), sharpened: Mutex::default() }
+    }
+
+    fn plane(&self, x: usize) -> Result<Arc<NodeColors>> {
+        plane(&self.sharpened, x, || {
+            let voxels = self.file.load()?;
+            let unit = unit(self.file.settings.extent);
+            let painted = Painted { voxels: &voxels, plan: &self.plan, unit };
+            let means =
+                |x: usize| plane(&self.means, x, || Ok(painted.means(place(&self.plan, x))));
+            let before = x.checked_sub(1).map(means).transpose()?;
+            let own = means(x)?;
+            let behind = (x + 1 < self.plan.nodes).then(|| means(x + 1)).transpose()?;
+            let sides = [before.as_deref(), behind.as_deref()];
+            Ok(painted.sharpened(place(&self.plan, x), &own, sides))
+        })
     }
 
     fn value(&self, value: f32) -> f32 {
@@ -118,7 +140,7 @@ impl NodeValues for BoxColors {
     }
 
     fn memory_bytes(&self) -> u64 {
-        KEPT_BYTES as u64
+        2 * KEPT_BYTES as u64
     }
 
     fn digest(&self, _: &mut dyn FnMut(&[u8])) -> Result<()> {
@@ -139,11 +161,11 @@ impl NodeValues for BoxColors {
                 out.get_mut(start..end).unwrap_or_default().fill(0.0);
             }
         }
-        for (node, value) in plane.nodes.iter().zip(plane.channel(channel)) {
-            if let Some(out) = out.get_mut(*node as usize) {
-                *out = self.value(*value);
+        plane.channel(channel, |node, value| {
+            if let Some(out) = out.get_mut(node) {
+                *out = self.value(value);
             }
-        }
+        });
         Ok(0)
     }
 }

@@ -152,7 +152,7 @@ impl Numbers {
     }
 
     /// Calls `visit` with all numbers in order, some rows at a time.
-    pub(super) fn for_each_piece(&self, mut visit: impl FnMut(&[f32])) -> Result<()> {
+    fn for_each_piece(&self, mut visit: impl FnMut(&[f32])) -> Result<()> {
         match self {
             Self::Plain(rows) => rows.for_each_piece(visit),
             Self::Coded { indices, book } => {
@@ -227,6 +227,22 @@ impl Arrays {
         }
         let voxels = limits::product(&[voxels], "voxels", &paths.place())?;
         Ok(Self { paths, levels, corners, harmonics, voxels, columns })
+    }
+
+    /// Raw densities at distinct corners.
+    ///
+    /// # Errors
+    /// `Malformed` for another count of them than the voxels have corners.
+    pub(super) fn table(&self, corners: usize, budget: &mut Budget) -> Result<Vec<f32>> {
+        let place = Place::Tensor(CORNERS.to_owned());
+        let found = self.corners.rows().rows();
+        if found != corners as u64 {
+            let expected = format!("{corners}, as many as the voxels have distinct corners");
+            return Err(Error::malformed(place, format!("{found} raw densities"), expected));
+        }
+        let mut table = budget.zeroed(corners, "bytes of corners", &place)?;
+        self.corners.columns(0, 1, &mut table)?;
+        Ok(table)
     }
 
     /// Paths and levels of all voxels.

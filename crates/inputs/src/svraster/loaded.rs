@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::corners::corners;
+use super::corners::Corners;
 use super::density::between;
+use super::even::{self, unit};
 use super::keys::{Settings, Stored};
 use super::octree::{Cube, MOST_VOXELS, Octree};
 use crate::base::error::{Error, Place, Result};
@@ -34,15 +35,20 @@ pub(super) struct VoxelFile {
     /// Numbers of a voxel's harmonics that are used.
     pub(super) width: usize,
     pub(super) limits: Limits,
+    /// Samples of a voxel, by its own rules.
+    pub(super) samples: u32,
     pub(super) loaded: Lazy<Voxels>,
+    pub(super) logits: Lazy<Vec<f32>>,
 }
 
 /// Voxels in memory, numbered as in the file.
 #[derive(Debug)]
 pub(super) struct Voxels {
     pub(super) tree: Octree,
-    /// Raw densities at their corners, x slowest.
-    corners: Vec<[f32; 8]>,
+    /// The numbers of each voxel's corners, x slowest.
+    of_voxels: Vec<[u32; 8]>,
+    /// Raw densities at distinct corners.
+    table: Vec<f32>,
     /// Harmonics, function by function, each red, green and blue.
     harmonics: Vec<f32>,
     width: usize,
@@ -60,34 +66,32 @@ impl VoxelFile {
             let mut budget = Budget::new(&self.limits);
             let Places { paths, levels } = &self.places;
             let tree = Octree::new(paths, levels, &mut budget)?;
-            let corners = match &self.stored {
-                Stored::Ply(rows) => rows.voxels(&self.settings, &mut budget)?.corners,
-                Stored::Checkpoint(arrays) => {
-                    let mut table = Vec::new();
-                    let place = Place::Tensor("_geo_grid_pts".to_owned());
-                    let mut spent = Ok(());
-                    arrays.corners.for_each_piece(|piece| {
-                        if spent.is_ok() {
-                            spent =
-                                budget.spend(size_of_val(piece) as u64, "bytes of corners", &place);
-                        }
-                        if spent.is_ok() {
-                            table.extend_from_slice(piece);
-                        }
-                    })?;
-                    spent?;
-                    corners(&self.places.cubes(), &table, &mut budget)?
+            let Corners { of_voxels, count } = Corners::find(&self.places.cubes(), &mut budget)?;
+            let table = match &self.stored {
+                Stored::Ply(rows) => {
+                    let found = rows.voxels(&self.settings, &mut budget)?;
+                    table(&found.corners, &of_voxels, count, &mut budget)?
                 }
+                Stored::Checkpoint(arrays) => arrays.table(count, &mut budget)?,
             };
             let place = Place::Tensor("_shs".to_owned());
             let sizes = [paths.len() as u64, self.width as u64];
             let count = limits::product(&sizes, "harmonics", &place)?;
             let mut harmonics = budget.zeroed(count, "bytes of harmonics", &place)?;
             self.stored.harmonics(self.width, &mut harmonics)?;
-            let voxels = Voxels { tree, corners, harmonics, width: self.width };
+            let voxels = Voxels { tree, of_voxels, table, harmonics, width: self.width };
             voxels.check()?;
             Ok(voxels)
         })
+    }
+}
+
+impl VoxelFile {
+    /// Logits of densities at distinct corners, for a field.
+    pub(super) fn logits(&self) -> Result<Arc<Vec<f32>>> {
+        let voxels = self.load()?;
+        let unit = unit(self.settings.extent);
+        self.logits.get(|| even::logits(&voxels, &self.places.cubes(), unit, self.samples))
     }
 }
 
@@ -104,30 +108,47 @@ impl Voxels {
     /// Refuses values that are not finite.
     fn check(&self) -> Result<()> {
         let odd = |values: &[f32]| values.iter().position(|value| !value.is_finite());
-        let refuse = |voxel: usize, what: &str, name: &str| {
-            let found = format!("{what} of voxel {voxel} that is not finite");
+        let refuse = |number: usize, what: &str, name: &str| {
+            let found = format!("a {what} {number} that is not finite");
             let error = Error::malformed(Place::Tensor(name.to_owned()), found, "finite numbers");
             Err(error.advise("retrain: these values are part of the scene"))
         };
-        if let Some(voxel) = self.corners.iter().position(|corners| odd(corners).is_some()) {
-            return refuse(voxel, "a density", "_geo_grid_pts");
+        if let Some(corner) = odd(&self.table) {
+            return refuse(corner, "density of corner", "_geo_grid_pts");
         }
         match odd(&self.harmonics) {
-            Some(at) => refuse(at / self.width.max(1), "a color", "_shs"),
+            Some(at) => refuse(at / self.width.max(1), "color of voxel", "_shs"),
             None => Ok(()),
         }
     }
 
-    /// The raw densities at a voxel's corners.
+    /// Raw densities at distinct corners.
+    pub(super) fn table(&self) -> &[f32] {
+        &self.table
+    }
+
+    /// The numbers of a voxel's corners, x slowest.
     #[inline]
-    pub(super) fn corners(&self, voxel: u32) -> &[f32; 8] {
-        self.corners.get(voxel as usize).unwrap_or(&[f32::NEG_INFINITY; 8])
+    pub(super) fn numbers(&self, voxel: u32) -> [u32; 8] {
+        self.of_voxels.get(voxel as usize).copied().unwrap_or_default()
+    }
+
+    /// Values of a table of distinct corners at a voxel's own, x slowest.
+    #[inline]
+    pub(super) fn at_corners(&self, table: &[f32], voxel: u32) -> [f32; 8] {
+        self.numbers(voxel).map(|corner| table.get(corner as usize).copied().unwrap_or(0.0))
+    }
+
+    /// The raw densities at a voxel's corners, x slowest.
+    #[inline]
+    pub(super) fn corners(&self, voxel: u32) -> [f32; 8] {
+        self.at_corners(&self.table, voxel)
     }
 
     /// A voxel's raw density at shares of its edges.
     #[inline]
     pub(super) fn raw(&self, voxel: u32, shares: [f64; 3]) -> f64 {
-        between(self.corners(voxel), shares)
+        between(&self.corners(voxel), shares)
     }
 
     /// A voxel's harmonics.
@@ -141,3 +162,36 @@ impl Voxels {
         self.width
     }
 }
+
+/// Raw densities at distinct corners, of those that each voxel states.
+///
+/// # Errors
+/// `Malformed` where voxels state different densities at a corner that they share.
+fn table(
+    of_voxels: &[[f32; 8]],
+    numbers: &[[u32; 8]],
+    count: usize,
+    budget: &mut Budget,
+) -> Result<Vec<f32>> {
+    let place = Place::Key("properties.grid0_value".to_owned());
+    let mut table: Vec<f32> = budget.zeroed(count, "bytes of corners", &place)?;
+    table.fill(f32::NAN);
+    for (voxel, (values, numbers)) in of_voxels.iter().zip(numbers).enumerate() {
+        for (value, number) in values.iter().zip(numbers) {
+            let Some(own) = table.get_mut(*number as usize) else { continue };
+            if !own.is_nan() && own.to_bits() != value.to_bits() {
+                let found =
+                    format!("{value} at a corner of voxel {voxel}, and {own} of another one");
+                let error =
+                    Error::malformed(place, found, "one density at a corner of several voxels");
+                return Err(error.advise(DAMAGED));
+            }
+            *own = *value;
+        }
+    }
+    Ok(table)
+}
+
+/// The remedy for PLY files without densities of their own at corners.
+pub(super) const DAMAGED: &str =
+    "a converter under NumPy 2 loses the densities at corners: bake the .pt file itself";

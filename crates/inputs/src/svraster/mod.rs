@@ -27,9 +27,11 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
+mod colors;
 mod config;
 mod corners;
 mod density;
+mod even;
 mod grids;
 mod keys;
 mod loaded;

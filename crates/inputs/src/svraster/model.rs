@@ -13,6 +13,7 @@
 use std::sync::Arc;
 
 use super::density::density;
+use super::even::unit;
 use super::loaded::{VoxelFile, Voxels};
 use super::octree::{Cube, SIDE};
 use crate::base::error::Result;
@@ -41,14 +42,12 @@ const NEARLY_ZERO: f64 = 1e-300;
 pub(super) struct ModelFile {
     pub(super) file: Arc<VoxelFile>,
     pub(super) harmonics: Harmonics,
-    /// Samples of a voxel.
-    pub(super) samples: u32,
 }
 
 impl LoadModel for ModelFile {
     fn load(&self, _: &Limits) -> Result<Box<dyn TrainedModel>> {
-        let (file, harmonics, samples) = (Arc::clone(&self.file), self.harmonics, self.samples);
-        Ok(Box::new(SvRaster { voxels: file.load()?, file, harmonics, samples }))
+        let (file, harmonics) = (Arc::clone(&self.file), self.harmonics);
+        Ok(Box::new(SvRaster { voxels: file.load()?, file, harmonics }))
     }
 }
 
@@ -57,13 +56,12 @@ struct SvRaster {
     file: Arc<VoxelFile>,
     voxels: Arc<Voxels>,
     harmonics: Harmonics,
-    samples: u32,
 }
 
 impl SvRaster {
     /// World units of an edge of the smallest voxels.
     fn unit(&self) -> f64 {
-        self.file.settings.extent / f64::from(SIDE)
+        unit(self.file.settings.extent)
     }
 
     /// A position of the world in edges of the smallest voxels.
@@ -172,8 +170,8 @@ impl TrainedModel for SvRaster {
             if away < near {
                 continue;
             }
-            let part = (exit - enter) / f64::from(self.samples);
-            let depths = (0..self.samples).map(|sample| {
+            let part = (exit - enter) / f64::from(self.file.samples);
+            let depths = (0..self.file.samples).map(|sample| {
                 let t = enter + (f64::from(sample) + 0.5) * part;
                 density(self.voxels.raw(voxel, shares(point_at(origin, direction, t), cube)))
             });

@@ -1,9 +1,9 @@
 //! Opens a file as a field, and as a model with its own rules.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use super::config::{Config, ConfigFile};
-use super::density::PER_UNIT;
+use super::even::SCALE;
 use super::grids::{BoxColors, BoxDensity};
 use super::keys::{Settings, Stored};
 use super::loaded::{Places, VoxelFile, check_count};
@@ -23,8 +23,9 @@ use crate::options::{SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, SideFile, Source};
 use crate::tensor::TensorFile;
 
-/// Step length in voxels of the field.
-const STEPSIZE: f32 = 0.5;
+/// Step length in voxels of the field, and of one with a world around it: densities rise so steeply
+/// there, towards voxels that show the sky, that half a voxel is seen as rings.
+const STEPSIZE: [f32; 2] = [0.5, 0.25];
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
 /// Cells of a free-space mask along an edge, at most: finer masks take more memory than they save.
@@ -90,17 +91,23 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         return Err(Error::malformed(Place::File, "no box", "one"));
     };
     let width = 3 * harmonics.functions();
-    let loaded = Lazy::default();
-    let file_of = VoxelFile { stored, settings, places, width, limits: limits.clone(), loaded };
-    let voxels = Arc::new(file_of);
+    let voxels = Arc::new(VoxelFile {
+        stored,
+        settings,
+        places,
+        width,
+        limits: limits.clone(),
+        samples: config.samples,
+        loaded: Lazy::default(),
+        logits: Lazy::default(),
+    });
     let is_plain = options.view == ViewChoice::None;
     let density = |plan: &BoxPlan| {
         Grid::Values(Arc::new(BoxDensity { file: Arc::clone(&voxels), plan: *plan }))
     };
     let color = |plan: &BoxPlan| {
-        let (file, kept) = (Arc::clone(&voxels), Mutex::default());
         let plain = is_plain.then_some(harmonics);
-        vec![Grid::Values(Arc::new(BoxColors { file, plan: *plan, plain, kept }))]
+        vec![Grid::Values(Arc::new(BoxColors::new(Arc::clone(&voxels), *plan, plain)))]
     };
     let shell = |plan: &BoxPlan| Shell {
         lattice: plan.lattice(&settings),
@@ -108,7 +115,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         color: color(plan),
     };
     let field = RadianceField {
-        scene: scene(first, &settings, &config, options)?,
+        scene: scene(first, &settings, &config, options, !around.is_empty())?,
         density: density(first),
         color: color(first),
         color_domain: ColorDomain::Linear,
@@ -117,7 +124,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         shells: around.iter().map(shell).collect(),
     };
     field.check()?;
-    let model = ModelFile { file: Arc::clone(&voxels), harmonics, samples: config.samples };
+    let model = ModelFile { file: Arc::clone(&voxels), harmonics };
     Ok(Source {
         field,
         model: Some(Arc::new(model)),
@@ -159,11 +166,13 @@ fn scene(
     settings: &Settings,
     config: &Config,
     options: &SourceOptions,
+    has_shells: bool,
 ) -> Result<Scene> {
     let lattice = first.lattice(settings);
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     let voxel = (settings.extent * f64::from(first.edge) / f64::from(SIDE)) as f32;
-    let stepsize = options.stepsize.unwrap_or(STEPSIZE);
+    let [alone, with_shells] = STEPSIZE;
+    let stepsize = options.stepsize.unwrap_or(if has_shells { with_shells } else { alone });
     let march = March {
         near: options.near.unwrap_or(NEAR),
         far: options.far,
@@ -172,7 +181,7 @@ fn scene(
     };
     march.check(lattice.nodes)?;
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
-    let interval = (PER_UNIT * march.interval_length()) as f32;
+    let interval = (SCALE * march.interval_length()) as f32;
     let background = config.background.unwrap_or(0.0);
     Ok(Scene {
         bounds: lattice.bounds,

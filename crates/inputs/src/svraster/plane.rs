@@ -1,47 +1,44 @@
-//! Values at the nodes of a plane of a box, out of the voxels that touch it.
+//! The voxels that touch a plane of a box, and densities at its nodes.
 //!
 //! A voxel as large as the cells around a node, or larger, says the node's raw density; of several
 //! the smallest, whose own corner it is. Around a node with smaller voxels the density is a mean over
 //! the node's cell, which reaches half way to the next nodes. Cells are halved along each axis: such
 //! an eighth of a cell lies within one voxel, or is made of smaller ones.
 
-use super::density::density;
+use super::density::{between, density};
+use super::even::logit;
 use super::loaded::Voxels;
 use super::octree::{Cube, Part};
 use super::plan::BoxPlan;
 
-/// Stands for no slot.
-const NO_SLOT: u32 = u32::MAX;
-/// Added to the light that a voxel stops when colours are weighted, so that all count.
-const LEAST_WEIGHT: f64 = 1e-4;
 /// Shares of a voxel's edge at which its mean density is sampled.
 const QUARTERS: [f64; 2] = [0.211324865405, 0.788675134595];
 
 /// Nodes of a plane, and where a voxel touches them.
-struct Touch {
-    voxel: u32,
-    cube: Cube,
+pub(super) struct Touch {
+    pub(super) voxel: u32,
+    pub(super) cube: Cube,
     /// The first and last node along y and z.
     y: [usize; 2],
     z: [usize; 2],
 }
 
 /// A voxel that is smaller than cells, and the node whose cell holds it.
-struct Small {
-    voxel: u32,
-    cube: Cube,
-    node: usize,
+pub(super) struct Small {
+    pub(super) voxel: u32,
+    pub(super) cube: Cube,
+    pub(super) node: usize,
 }
 
 /// The voxels that touch a plane.
-struct Touching {
-    large: Vec<Touch>,
-    small: Vec<Small>,
+pub(super) struct Touching {
+    pub(super) large: Vec<Touch>,
+    pub(super) small: Vec<Small>,
 }
 
 impl Touching {
     /// Those of the plane whose nodes have this x, in edges of the smallest voxels.
-    fn find(voxels: &Voxels, plan: &BoxPlan, x: u32) -> Self {
+    pub(super) fn find(voxels: &Voxels, plan: &BoxPlan, x: u32) -> Self {
         let mut found = Self { large: Vec::new(), small: Vec::new() };
         found.visit(voxels, plan, x, voxels.tree.root());
         found
@@ -106,7 +103,7 @@ fn share(low: u32, edge: u32, at: f64) -> f64 {
 
 impl Touch {
     /// Calls `visit` with each node and its place in edges of the smallest voxels.
-    fn nodes(&self, plan: &BoxPlan, mut visit: impl FnMut(usize, [u32; 2])) {
+    pub(super) fn nodes(&self, plan: &BoxPlan, mut visit: impl FnMut(usize, [u32; 2])) {
         let ([low_y, high_y], [low_z, high_z]) = (self.y, self.z);
         let [mut at_y, first_z] =
             [low_y, low_z].map(|node| plan.first + u32::try_from(node).unwrap_or(0) * plan.edge);
@@ -120,8 +117,15 @@ impl Touch {
         }
     }
 
+    /// The nodes at the corners of a voxel as large as a cell.
+    pub(super) fn corners(&self, plan: &BoxPlan) -> [usize; 4] {
+        let ([low_y, high_y], [low_z, high_z]) = (self.y, self.z);
+        let node = |y: usize, z: usize| y * plan.nodes + z;
+        [node(low_y, low_z), node(low_y, high_z), node(high_y, low_z), node(high_y, high_z)]
+    }
+
     /// The eighths of a node's cell that the voxel holds, and the place of one of them.
-    fn eighths(&self, at: [u32; 3], edge: u32) -> (f64, [f64; 3]) {
+    pub(super) fn eighths(&self, at: [u32; 3], edge: u32) -> (f64, [f64; 3]) {
         let (mut count, mut middle) = (1.0, [0.0; 3]);
         let quarter = 0.25 * f64::from(edge);
         for ((middle, at), low) in middle.iter_mut().zip(at).zip(self.cube.corner) {
@@ -140,7 +144,7 @@ impl Touch {
 }
 
 /// The mean optical depth per world unit of a voxel.
-fn mean_density(voxels: &Voxels, voxel: u32) -> f64 {
+pub(super) fn mean_density(voxels: &Voxels, voxel: u32) -> f64 {
     let mut sum = 0.0;
     for x in QUARTERS {
         for y in QUARTERS {
@@ -152,8 +156,15 @@ fn mean_density(voxels: &Voxels, voxel: u32) -> f64 {
     sum / 8.0
 }
 
-/// Optical depths per world unit at the nodes of a plane that voxels touch, each told to `out`.
-pub(super) fn densities(voxels: &Voxels, plan: &BoxPlan, x: u32, mut out: impl FnMut(usize, f64)) {
+/// Logits of densities at the nodes of a plane that voxels touch, each told to `out`. `logits` are
+/// those of distinct corners.
+pub(super) fn densities(
+    voxels: &Voxels,
+    logits: &[f32],
+    plan: &BoxPlan,
+    x: u32,
+    mut out: impl FnMut(usize, f64),
+) {
     let touching = Touching::find(voxels, plan, x);
     let count = plan.nodes * plan.nodes;
     let means = (!touching.small.is_empty()).then(|| means(voxels, plan, x, &touching));
@@ -166,18 +177,19 @@ pub(super) fn densities(voxels: &Voxels, plan: &BoxPlan, x: u32, mut out: impl F
     for touch in &touching.large {
         let [low_x, low_y, low_z] = touch.cube.corner;
         let edge = touch.cube.edge;
+        let corners = voxels.at_corners(logits, touch.voxel);
         let share_x = share(low_x, edge, f64::from(x));
         touch.nodes(plan, |node, [y, z]| {
             let Some(smallest) = smallest.get_mut(node).filter(|own| edge < **own) else { return };
             *smallest = edge;
             if !is_mean(node) {
                 let shares = [share_x, share(low_y, edge, y.into()), share(low_z, edge, z.into())];
-                out(node, density(voxels.raw(touch.voxel, shares)));
+                out(node, between(&corners, shares));
             }
         });
     }
     let means = means.into_iter().flatten().enumerate();
-    means.filter(|(_, mean)| *mean >= 0.0).for_each(|(node, mean)| out(node, mean));
+    means.filter(|(_, mean)| *mean >= 0.0).for_each(|(node, mean)| out(node, logit(mean).into()));
 }
 
 /// Mean densities at nodes with small voxels; -1 at all others.
@@ -198,98 +210,4 @@ fn means(voxels: &Voxels, plan: &BoxPlan, x: u32, touching: &Touching) -> Vec<f6
         });
     }
     means
-}
-
-/// Harmonics at the nodes of a plane that voxels touch.
-#[derive(Debug)]
-pub(super) struct PlaneColors {
-    /// The nodes, ascending.
-    pub(super) nodes: Vec<u32>,
-    /// The numbers of each node, channel after channel.
-    values: Vec<f32>,
-}
-
-impl PlaneColors {
-    /// Means of the voxels around each node, weighted by the light that they stop within a cell.
-    /// `unit` is the edge of the smallest voxels in world units.
-    pub(super) fn find(voxels: &Voxels, plan: &BoxPlan, x: u32, unit: f64) -> Self {
-        let touching = Touching::find(voxels, plan, x);
-        let length = unit * f64::from(plan.edge);
-        let weight = |density: f64| LEAST_WEIGHT - libm::expm1(-density * length);
-        let mut sums = Sums::new(plan.nodes * plan.nodes, voxels.width());
-        for touch in &touching.large {
-            let row = voxels.harmonics(touch.voxel);
-            touch.nodes(plan, |node, [y, z]| {
-                let (count, middle) = touch.eighths([x, y, z], plan.edge);
-                let own = density(voxels.raw(touch.voxel, middle));
-                sums.add(node, count * weight(own), row);
-            });
-        }
-        for small in &touching.small {
-            let share = 2.0 * f64::from(small.cube.edge) / f64::from(plan.edge);
-            let own = weight(mean_density(voxels, small.voxel));
-            sums.add(small.node, share * share * share * own, voxels.harmonics(small.voxel));
-        }
-        sums.finish()
-    }
-
-    /// Bytes in memory.
-    pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.values.as_slice())
-    }
-
-    /// The numbers of a channel, in the order of the nodes.
-    pub(super) fn channel(&self, channel: usize) -> &[f32] {
-        let count = self.nodes.len();
-        self.values.get(channel * count..(channel + 1) * count).unwrap_or_default()
-    }
-}
-
-/// Weighted sums at nodes.
-struct Sums {
-    /// The slot of each node.
-    slots: Vec<u32>,
-    /// Sums of a slot, then its weight.
-    sums: Vec<f32>,
-    width: usize,
-}
-
-impl Sums {
-    fn new(nodes: usize, width: usize) -> Self {
-        Self { slots: vec![NO_SLOT; nodes], sums: Vec::new(), width }
-    }
-
-    #[expect(clippy::cast_possible_truncation, reason = "harmonics are float32")]
-    fn add(&mut self, node: usize, weight: f64, row: &[f32]) {
-        let all = self.width + 1;
-        let Some(slot) = self.slots.get_mut(node) else { return };
-        if *slot == NO_SLOT {
-            *slot = u32::try_from(self.sums.len() / all).unwrap_or(NO_SLOT);
-            self.sums.resize(self.sums.len() + all, 0.0);
-        }
-        let first = *slot as usize * all;
-        let Some(sums) = self.sums.get_mut(first..first + all) else { return };
-        let weight = weight as f32;
-        let Some((of_weight, sums)) = sums.split_last_mut() else { return };
-        *of_weight += weight;
-        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
-    }
-
-    fn finish(self) -> PlaneColors {
-        let Self { slots, sums, width } = self;
-        let with_slot = (0u32..).zip(&slots).filter(|(_, slot)| **slot != NO_SLOT);
-        let nodes: Vec<u32> = with_slot.clone().map(|(node, _)| node).collect();
-        let mut values = vec![0.0; nodes.len() * width];
-        for (at, (_, slot)) in with_slot.enumerate() {
-            let first = *slot as usize * (width + 1);
-            let own = sums.get(first..first + width + 1).and_then(<[f32]>::split_last);
-            let Some((weight, own)) = own else { continue };
-            for (channel, sum) in own.iter().enumerate() {
-                if let Some(out) = values.get_mut(channel * nodes.len() + at) {
-                    *out = sum / weight;
-                }
-            }
-        }
-        PlaneColors { nodes, values }
-    }
 }

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use super::keys::{Settings, check_harmonics};
+use super::loaded::DAMAGED;
 use super::octree::{Cube, SIDE};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
@@ -152,10 +153,7 @@ impl PlyRows {
             let place = Place::Key("properties.grid0_value".to_owned());
             let found = "the same density in all eight corners of every voxel";
             let error = Error::malformed(place, found, "densities that differ between corners");
-            return Err(error.advise(
-                "the file was made by a converter that loses them under NumPy 2: bake the .pt file \
-                 itself",
-            ));
+            return Err(error.advise(DAMAGED));
         }
         Ok(PlyVoxels { cubes, levels, corners })
     }
