@@ -15,5 +15,6 @@ mod shown;
 mod small_models;
 mod snerg;
 mod source;
+mod svraster;
 mod tensor;
 mod worlds;

@@ -7,6 +7,7 @@ use super::grids::{lightning, sampled, sampled_blocks};
 use super::merf::small_merf;
 use super::ngp::{CELLS, small_ngp};
 use super::snerg::small_snerg;
+use super::voxels::Voxels;
 use super::{baked_bytes, fixture, folder, with_threads};
 use mipvog::bake::BakeOptions;
 use mipvog::base::limits::Limits;
@@ -42,6 +43,8 @@ pub fn models(here: &Path) -> Vec<(Family, PathBuf)> {
                 small_ngp(2.0, false, CELLS, 3).snapshot(Some(2.0), true).bytes(),
             ),
         ),
+        (Family::SvRaster, fixture("voxels/svraster_quantized.pt")),
+        (Family::SvRaster, written("voxels.ply", Voxels::small().ply())),
         (Family::Snerg, here.join("snerg")),
         (Family::Merf, here.join("merf")),
         (Family::Vdb, fixture("vdb/full.vdb")),

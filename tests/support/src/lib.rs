@@ -37,6 +37,7 @@ pub mod stress_scalar;
 pub mod targets;
 pub mod torch;
 pub mod transcoded;
+pub mod voxels;
 pub mod world;
 
 pub use schema::{Schema, assert_follows, assert_schema};

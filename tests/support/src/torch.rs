@@ -9,6 +9,10 @@ pub enum Item {
     Floats(Vec<usize>, Vec<f32>),
     /// An array of bytes.
     Bytes(Vec<usize>, Vec<u8>),
+    /// An array of signed bytes.
+    Signed(Vec<usize>, Vec<i8>),
+    /// An int64 array.
+    Longs(Vec<usize>, Vec<i64>),
     Numbers(Vec<f64>),
     Number(f64),
     Int(i64),
@@ -129,6 +133,17 @@ impl Writer {
                 let first = self.bytes.len();
                 self.bytes.extend(values);
                 self.tensor(["ByteStorage", "1"], first, values.len(), shape);
+            }
+            Item::Signed(shape, values) => {
+                let first = self.bytes.len();
+                self.bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+                self.tensor(["CharStorage", "1"], first, values.len(), shape);
+            }
+            Item::Longs(shape, values) => {
+                self.bytes.resize(self.bytes.len().next_multiple_of(8), 0);
+                let first = self.bytes.len() / 8;
+                self.bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+                self.tensor(["LongStorage", "1"], first, values.len(), shape);
             }
             Item::Numbers(values) => {
                 self.pickle.extend(b"](");

@@ -29,13 +29,7 @@ impl Cube {
 
     /// The cube of a path at a level.
     pub(super) fn of_path(path: u64, level: u8) -> Self {
-        let mut corner = [0; 3];
-        for at in 0..LEVELS {
-            let digit = path >> (3 * at);
-            for (corner, bit) in corner.iter_mut().zip([2, 1, 0]) {
-                *corner |= u32::from(digit >> bit & 1 == 1) << at;
-            }
-        }
+        let corner = [path >> 2, path >> 1, path].map(every_third);
         Self { corner, edge: SIDE >> u32::from(level).min(LEVELS) }
     }
 
@@ -178,6 +172,22 @@ impl Octree {
             _ => (None, cube),
         }
     }
+}
+
+/// Bits 0, 3, 6 and so on, side by side.
+fn every_third(bits: u64) -> u32 {
+    let mut bits = bits & 0x1249_2492_4924_9249;
+    for (shift, mask) in [
+        (2, 0x10c3_0c30_c30c_30c3),
+        (4, 0x100f_00f0_0f00_f00f),
+        (8, 0x001f_0000_ff00_00ff),
+        (16, 0x001f_0000_0000_ffff),
+    ] {
+        bits = (bits | bits >> shift) & mask;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "16 bits")]
+    let found = (bits & 0xffff) as u32;
+    found
 }
 
 fn part(stored: u32) -> Part {
