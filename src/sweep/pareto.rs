@@ -33,3 +33,41 @@ pub fn front(points: &[Point]) -> Vec<bool> {
     }
     on_front
 }
+
+/// The knee of a front, from its points: the one that is farthest above the line between the
+/// cheapest and the best, in decibels over the logarithm of the cost. Of two points it is the
+/// better one.
+pub fn knee(points: &[Point]) -> Option<usize> {
+    let by = |key: fn(&Point) -> f64| move |a: &&Point, b: &&Point| key(a).total_cmp(&key(b));
+    let cheapest = points.iter().min_by(by(|point| point.cost))?;
+    let best = points.iter().max_by(by(|point| point.quality))?;
+    let span = libm::log2(best.cost / cheapest.cost);
+    let height = |point: &Point| match span > 0.0 {
+        true => {
+            let along = libm::log2(point.cost / cheapest.cost) / span;
+            point.quality - (cheapest.quality + along * (best.quality - cheapest.quality))
+        }
+        false => 0.0,
+    };
+    let order = |(_, a): &(usize, &Point), (_, b): &(usize, &Point)| {
+        height(a).total_cmp(&height(b)).then(a.quality.total_cmp(&b.quality))
+    };
+    points.iter().enumerate().max_by(order).map(|(index, _)| index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_knee_is_where_more_bytes_gain_less() {
+        let points = |values: &[(f64, f64)]| {
+            let points = values.iter().map(|&(cost, quality)| Point { cost, quality });
+            knee(&points.collect::<Vec<_>>())
+        };
+        assert_eq!(points(&[(1.0, 30.0), (2.0, 45.0), (4.0, 47.0), (8.0, 48.0)]), Some(1));
+        assert_eq!(points(&[(8.0, 48.0), (1.0, 30.0)]), Some(0));
+        assert_eq!(points(&[(1.0, 30.0)]), Some(0));
+        assert_eq!(points(&[]), None);
+    }
+}

@@ -1,10 +1,10 @@
-//! The commands of the manual, `docs/`, run.
+//! The commands of `README.md` and of the manual, `docs/`, run.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::pages::{manual, sections};
+use crate::common::pages::{manual, sections, text};
 use crate::common::{PROGRAM, fixture, folder};
 
 /// Fenced blocks: the words behind the fence, and the lines within.
@@ -43,8 +43,9 @@ fn every_command_of_the_manual_runs() {
     let folder = workplace();
     let own = Path::new(PROGRAM).parent().expect("a folder").display().to_string();
     let path = format!("{own}:{}", std::env::var("PATH").expect("a search path"));
-    let mut ran = BTreeSet::new();
-    let pages = manual();
+    let (mut ran, mut set_up) = (BTreeSet::new(), Vec::new());
+    let readme = Path::new("README.md");
+    let pages = [vec![(readme.to_owned(), text(readme))], manual()].concat();
     let blocks = pages.iter().flat_map(|(page, text)| {
         blocks(text).into_iter().map(move |(fence, lines)| (page, fence, lines))
     });
@@ -59,6 +60,10 @@ fn every_command_of_the_manual_runs() {
             std::fs::write(folder.path().join(more), format!("{lines}\n")).expect("writable");
             continue;
         }
+        if more == "set-up" {
+            set_up.push((page, lines));
+            continue;
+        }
         if let Some(program) = more.strip_prefix("needs=").filter(|program| !has(program)) {
             eprintln!("note: no {program} here; its commands were not run");
             continue;
@@ -71,6 +76,10 @@ fn every_command_of_the_manual_runs() {
         let words = lines.split_whitespace().collect::<Vec<_>>();
         ran.extend(words.windows(2).filter(|two| two[0] == "mipvog-bake").map(|two| two[1]));
     }
+    // A machine is set up by two commands: one bakes the fixture scene, one runs the tests.
+    assert!(set_up.iter().all(|(page, lines)| *page == readme && lines.lines().count() == 1));
+    let starts: Vec<&str> = set_up.iter().map(|(_, lines)| &lines[..10]).collect();
+    assert_eq!(starts, ["cargo run ", "cargo test"]);
     for verb in sections().into_keys().filter(|name| name.starts_with('`')) {
         assert!(ran.contains(verb.trim_matches('`')), "no command of {verb} in the manual");
     }
