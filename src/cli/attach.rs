@@ -17,7 +17,9 @@ use crate::container::{Container, is_container};
 use mipvog_outputs::gltf::asset::{Asset, is_asset};
 use mipvog_outputs::gltf::attach::{AttachOptions, NodeChoice, attach, companions};
 
-/// Add a container to a glTF asset as a radiance field; everything else stays as it is
+/// Add a container to a glTF asset
+///
+/// Everything else in the asset stays as it is.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:

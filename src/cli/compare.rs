@@ -30,7 +30,7 @@ use crate::view::render::{LevelChoice, Renderer};
 /// An error of this much is white in heat maps.
 const FULL_HEAT: f32 = 0.25;
 
-/// Measure the error of a field against another one, or against pictures, at every scale
+/// Measure the error of a field at every scale
 ///
 /// The reference is rendered at full size and averaged down to each scale. The field is rendered
 /// with one ray per pixel at each scale, as in a distant viewer, so the error at smaller scales is
@@ -217,16 +217,13 @@ impl Arguments {
         for ((option, own), (_, rendered)) in own.values().into_iter().zip(rendered.values()) {
             if own != rendered {
                 let field = self.field.display();
-                let message = match own.as_str() {
-                    "unlimited" => format!(
-                        "the reference has {option} {rendered}, {field} was baked without: leave \
-                         it out"
-                    ),
-                    _ => format!(
-                        "the reference has {option} {rendered}, {field} was baked with {own}: pass \
-                         {option} {own}"
-                    ),
+                let remedy = match own.as_str() {
+                    "unlimited" => format!("leave out {option}"),
+                    own => format!("pass {option} {own}"),
                 };
+                let message = format!(
+                    "{field} was baked with {option} {own}, the reference has {rendered}: {remedy}"
+                );
                 warn(&message, common);
             }
         }

@@ -84,7 +84,7 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport, verbose: boo
         writeln!(text, "  {origin}").ok();
     }
     let [min, max] = [report.bounds.min, report.bounds.max];
-    writeln!(text, "  box {min:?} to {max:?}, filter {}", metadata.filter).ok();
+    writeln!(text, "  box {min:.4?} to {max:.4?}, filter {}", metadata.filter).ok();
     let march = &metadata.march;
     let far = march.far.map_or_else(|| "unlimited".to_owned(), |far| far.to_string());
     let line = format!(

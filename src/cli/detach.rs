@@ -16,7 +16,9 @@ use crate::base::error::Result;
 use mipvog_outputs::gltf::asset::Asset;
 use mipvog_outputs::gltf::attach::detach;
 
-/// Remove the radiance fields from a glTF asset; everything else stays as it is
+/// Remove fields from a glTF asset
+///
+/// Everything else in the asset stays as it is.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:

@@ -37,7 +37,7 @@ use mipvog_outputs::measure::export_errors;
 /// Pixels along a side of the picture that is measured where no camera is given.
 const SIZE: usize = 400;
 
-/// Write a field in another program's format, and measure the loss
+/// Write another program's format, and measure the loss
 ///
 /// The written bytes are read back and rendered by the rules of the format's programs. The report
 /// states the PSNR against the field's own pictures, and what the format cannot represent.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::bake::short_name;
 use super::cameras::CameraArguments;
 use super::common::Common;
 use super::compare::errors_text;
@@ -111,7 +112,7 @@ impl GateArguments {
 impl GateReport {
     /// For people, of a container that was baked from `input`.
     pub fn text(&self, input: &Path) -> String {
-        let input = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy();
+        let input = short_name(input);
         let frames = self.errors.first().map_or(0, |full| full.frames);
         let mut text = format!("  against {input}, {}:\n", counted(frames, "picture"));
         text += &errors_text(&self.errors);

@@ -105,7 +105,6 @@ pub fn arrange(mut program: Command) -> Command {
     let general: Vec<Arg> =
         program.get_arguments().filter(|own| is_general(own)).cloned().collect();
     program = program.mut_subcommands(|verb| {
-        let is_verb_with_options = verb.get_arguments().any(|own| own.get_long().is_some());
         let mut verb = short(verb);
         let mut named = Vec::new();
         if verb.get_name() != HOME {
@@ -128,15 +127,14 @@ pub fn arrange(mut program: Command) -> Command {
         }
         named.push((GENERAL, "mipvog-bake --help", names(&general)));
         let verb = verb.args(general.iter().map(|own| own.clone().hide(true)));
-        match is_verb_with_options {
-            true => with_names(verb, &named),
-            false => verb,
-        }
+        with_names(verb, &named)
     });
     program.mut_args(|own| {
-        let is_first = ["format", "quiet", "verbose", "threads"].contains(&own.get_id().as_str());
+        let is_first = ["format", "quiet"].contains(&own.get_id().as_str());
         let is_hidden = is_general(&own) && !is_first;
-        shortened(own).hide_short_help(is_hidden)
+        // Its help names them.
+        let names_values = own.get_id() == "format";
+        shortened(own).hide_short_help(is_hidden).hide_possible_values(names_values)
     })
 }
 

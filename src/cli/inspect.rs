@@ -24,7 +24,7 @@ use mipvog_inputs::Inspection;
 use mipvog_inputs::SourceOptions;
 use mipvog_outputs::gltf::asset::{Asset, Fields, is_asset};
 
-/// Show what containers, glTF assets and checkpoints contain, without decoding them
+/// Show what files contain, without decoding them
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -145,22 +145,24 @@ fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> Strin
         return text;
     }
     let mut table = Table::new(["key", "type", "shape", "value"], 4);
+    // Two columns of a narrow terminal are the keys and the values.
+    let keys = inspection.values.iter().map(|listed| listed.key.chars().count());
+    let room = columns().saturating_sub(keys.max().unwrap_or(0) + 10).clamp(8, 48);
     for listed in &inspection.values {
         table.add([
             listed.key.clone(),
             listed.dtype.unwrap_or(listed.kind).to_owned(),
             listed.shape.as_ref().map(|shape| format!("{shape:?}")).unwrap_or_default(),
-            listed.value.as_ref().map(shortened).unwrap_or_default(),
+            listed.value.as_ref().map(|value| shortened(value, room)).unwrap_or_default(),
         ]);
     }
     text + &table.text(columns())
 }
 
-/// A value in as many characters as a line of a terminal has left.
-fn shortened(value: &Value) -> String {
-    const CHARACTERS: usize = 48;
+/// A value in so many characters, and dots where it has more.
+fn shortened(value: &Value, characters: usize) -> String {
     let text = value.to_string();
-    match text.char_indices().nth(CHARACTERS) {
+    match text.char_indices().nth(characters) {
         Some((end, _)) => format!("{} ...", &text[..end]),
         None => text,
     }

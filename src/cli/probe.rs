@@ -30,7 +30,7 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 /// Points whose colours a thread finds at once.
 const CHUNK: usize = 64;
 
-/// Compute the colours of given rays, and the values at given points
+/// Compute colours of rays and values at points
 ///
 /// The input file has float32 arrays `origins` and `directions`, n x 3; directions have unit length
 /// and point into the scene. With --positions it also has `positions`, m x 3, and

@@ -29,8 +29,9 @@ use crate::base::text::printable;
 /// What opens a field, which is no verb.
 const OPEN: &str = "open";
 
-/// Bake trained radiance fields (Mip-VoG, DirectVoxGO, Plenoxels, TensoRF, Instant-NGP, ...) into
-/// small files that stream coarse to fine
+/// Bake trained radiance fields (Mip-VoG, DirectVoxGO, Plenoxels, ...) into small files
+///
+/// The files stream coarse to fine and look right at any distance.
 #[derive(Debug, Parser)]
 #[command(name = "mipvog-bake", version, max_term_width = 100)]
 #[command(after_help = "\
@@ -68,7 +69,7 @@ enum Verb {
     #[command(visible_alias = "serve")]
     View(view::Arguments),
     Completions(document::CompletionArguments),
-    /// Print the manual page of the program and of every verb
+    /// Print the manual page
     Man,
     /// Print the version
     Version,

@@ -1,6 +1,6 @@
 //! `render`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
@@ -26,7 +26,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, Statistics, render, tiles};
 
-/// Render pictures or a film of a container or a trained scene
+/// Render pictures or a film
 ///
 /// The name of the output decides its kind: a folder of pictures, one picture (.png, .exr), or a
 /// film (.gif, .webp; .mp4, .webm and .mov need ffmpeg). Without cameras, one picture of the whole
@@ -138,7 +138,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         planned.iter().map(|(camera, scale)| tiles(&camera.lens.shrunk(*scale), supersample));
     bar.begin(Step::Render, work.sum());
     let options = FrameOptions { levels: arguments.level_of_detail, supersample };
-    let mut frames = Vec::new();
+    let (mut frames, mut written) = (Vec::new(), Vec::new());
     let mut statistics = Statistics::default();
     let clock = Instant::now();
     let mut rendering = 0.0;
@@ -151,23 +151,23 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         statistics += frame.statistics;
         let (width, height) = (frame.width, frame.height);
         let files = pictures.add(&camera.name, scale, frame)?;
-        let files = files.iter().map(|file| file.to_string_lossy().into_owned()).collect();
+        let names = files.iter().map(|file| file.to_string_lossy().into_owned()).collect();
+        written.push(files);
         frames.push(FrameReport {
             frame: camera.name.clone(),
             scale,
             width,
             height,
             seconds,
-            files,
+            files: names,
             sha256: Vec::new(),
         });
     }
     bar.check()?;
     let output_bytes = pictures.finish()?;
     drop(bar);
-    for frame in &mut frames {
-        let digests = frame.files.iter().map(|file| digest(Path::new(file)));
-        frame.sha256 = digests.collect::<Result<_>>()?;
+    for (frame, files) in frames.iter_mut().zip(&written) {
+        frame.sha256 = files.iter().map(|file| digest(file)).collect::<Result<_>>()?;
     }
     let report = RenderReport {
         input: arguments.field.to_string_lossy().into_owned(),

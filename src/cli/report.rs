@@ -16,7 +16,7 @@ use super::output::create;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Place, Result};
 
-/// Merge the results of a batch: what was baked, what failed, and why
+/// Merge the results of a batch
 ///
 /// Files are read in order. If an output has several results, the last one counts, so pass the
 /// results of a retry after those of the first run. The exit code is 1 if a scene failed.

@@ -28,7 +28,7 @@ use crate::sweep::{
 };
 use mipvog_inputs::tensor;
 
-/// Bake with many settings, measure time, size and error, and plot the best ones
+/// Bake with many settings and plot the best ones
 ///
 /// Every combination of the given lists is baked; separate values with commas. By default, four bit
 /// depths are tried with three filters, and eight pictures are taken from around the scene. Settings

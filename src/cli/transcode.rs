@@ -20,7 +20,9 @@ use crate::model::grid::Bounds;
 use crate::quantize::Bits;
 use crate::unpacked::Unpacked;
 
-/// Make a container smaller or cut it, without the checkpoint
+/// Make a container smaller, or cut it
+///
+/// The checkpoint is not needed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -11,7 +11,7 @@ use super::failure::message;
 use super::files::for_each_file;
 use super::guess::input_path;
 use super::layout::{columns, folded, grouped};
-use super::outcome::{Outcome, counted};
+use super::outcome::{Outcome, assumed, counted};
 use super::scene::SceneArguments;
 use super::stdin;
 use crate::base::bytes::SourceFile;
@@ -105,7 +105,7 @@ fn text(path: &Path, report: &Report) -> String {
             Severity::Error => String::new(),
             other => format!("{other:?}: ").to_lowercase(),
         };
-        let (message, remedy) = (&finding.message, &finding.remedy);
+        let (message, remedy) = (assumed(&finding.message), &finding.remedy);
         add(&format!("{name}: {code}: {severity}{place}: {message}; {remedy}"));
     }
     if report.unlisted > 0 {

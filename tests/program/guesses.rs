@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::{assert_schema, fixture, folder, program};
+use crate::common::{assert_follows, assert_schema, fixture, folder, program};
 use serde_json::Value;
 use sha2::Digest as _;
 
@@ -113,7 +113,7 @@ fn inputs_go_into_a_folder_under_names_of_their_own() {
         .map(|line| serde_json::from_str(line).expect("JSON"))
         .collect();
     assert_eq!(results.len(), 2);
-    results.iter().for_each(|result| assert_schema("scene-result", result));
+    results.iter().for_each(|result| assert_follows("scene-result", result));
     assert_eq!((&results[0]["status"], &results[0]["exit_code"]), (&"failed".into(), &5.into()));
     assert_eq!(results[1]["status"], "baked");
     assert_eq!(results[1]["sha256"].as_str().map(str::len), Some(64));
@@ -242,7 +242,7 @@ fn warnings_can_be_denied_and_stand_in_reports() {
     let (results, told) = works(here, &batch);
     assert!(told.contains("warning: in.tar: "), "{told}");
     let result: Value = serde_json::from_str(results.trim()).expect("JSON");
-    assert_schema("scene-result", &result);
+    assert_follows("scene-result", &result);
     assert_eq!(result["sha256"], sha256);
     assert!(!result["warnings"].as_array().expect("a list").is_empty());
     std::fs::remove_file(here.join("y.mipvog")).expect("there");
@@ -306,7 +306,7 @@ fn findings_are_lines_that_name_their_file() {
     let text = words(&output.stdout);
     let has = |start: &str| text.lines().any(|line| line.starts_with(start));
     assert!(has("a.mipvog: valid") && has("cut.mipvog: not valid"), "{text}");
-    assert!(has("cut.mipvog: truncated: "), "{text}");
+    assert!(has("cut.mipvog: length: "), "{text}");
     assert!(has("in.tar: unstated: warning: "), "{text}");
     // What is listed is not told again.
     let told = words(&output.stderr);

@@ -164,10 +164,9 @@ impl Baked {
             (true, false) => format!("{output}: {bytes}, nothing has changed"),
             (false, false) => {
                 let sizes = compared(report.output_bytes, work.input_bytes);
-                let input = work.input.file_name().unwrap_or(work.input.as_os_str());
                 format!(
                     "{output}: {bytes}, {sizes} {} ({}), in {:.2} s",
-                    input.to_string_lossy(),
+                    short_name(work.input),
                     readable(work.input_bytes),
                     work.seconds
                 )
@@ -244,6 +243,14 @@ fn first_picture(levels: &[LevelReport], bytes: u64) -> Option<u64> {
     let coarsest = levels.last().and_then(|level| level.prefix_bytes);
     let first = prefixes.find(|prefix| prefix * FIRST_PICTURE <= bytes).or(coarsest);
     first.filter(|first| *first < bytes)
+}
+
+/// The name of an input without its folders.
+pub fn short_name(input: &Path) -> String {
+    match input == Path::new(STANDARD_STREAM) {
+        true => "the input".to_owned(),
+        false => input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned(),
+    }
 }
 
 /// How much smaller an output is than its input, or larger.
