@@ -81,10 +81,11 @@ pub(super) fn container_text(path: &Path, report: &ContainerReport, verbose: boo
     let bytes = readable(report.file_bytes);
     writeln!(text, "{}: container {major}.{minor}, {bytes}", path.display()).ok();
     if let Some(origin) = report.provenance.as_ref().and_then(origin_text) {
-        writeln!(text, "  {origin}").ok();
+        text += &(folded(&format!("  {origin}"), columns(), 4) + "\n");
     }
     let [min, max] = [report.bounds.min, report.bounds.max];
-    writeln!(text, "  box {min:.4?} to {max:.4?}, filter {}", metadata.filter).ok();
+    let line = format!("  box {min:.4?} to {max:.4?}, filter {}", metadata.filter);
+    text += &(folded(&line, columns(), 4) + "\n");
     let march = &metadata.march;
     let far = march.far.map_or_else(|| "unlimited".to_owned(), |far| far.to_string());
     let line = format!(

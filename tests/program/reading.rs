@@ -93,13 +93,15 @@ fn reports_fit_the_terminal_and_break_no_number() {
     let sweep =
         ["sweep", "scene.tar", "--stepsize", "0.5", "--bits", "6,8", "--filter", "rate-tent"];
     let sweep = [&sweep[..], &view, &["--repeat", "1", "--turntable", "1", "-o", "s"]].concat();
-    let inspect = ["inspect", "a.mipvog", "scene.tar", "-v"];
+    // Keys of checkpoints, which -v lists, are as long as they are.
+    let inspect = ["inspect", "a.mipvog", "scene.tar"];
+    let levels = ["inspect", "a.mipvog", "-v"];
     let render =
         ["render", "a.mipvog", "--turntable", "2", "--size", "8", "--force", "-o", "p", "-v"];
     let validate = ["validate", "a.mipvog", "scene.tar"];
     let export = ["export", "a.mipvog", "-o", "a.glb", "--triangles", "100", "--force"];
-    let lines: [&[&str]; 9] =
-        [&bake, &verbose, &compare, &dry, &sweep, &inspect, &render, &validate, &export];
+    let lines: [&[&str]; 10] =
+        [&bake, &verbose, &compare, &dry, &sweep, &inspect, &levels, &render, &validate, &export];
     for columns in [100, 80, 60] {
         for line in lines {
             let text = printed(here, columns, line);
