@@ -76,7 +76,7 @@ pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index) % 3 == 0 {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);
@@ -129,8 +129,8 @@ impl Table {
             }
             for row in &self.rows {
                 let mut line = format!("  {:first$}", cell(row, 0));
-                for column in start..next {
-                    let (value, width) = (cell(row, column), widths[column]);
+                for (column, &width) in widths.iter().enumerate().take(next).skip(start) {
+                    let value = cell(row, column);
                     match column < self.left {
                         true => write!(line, "  {value:width$}").ok(),
                         false => write!(line, "  {value:>width$}").ok(),
