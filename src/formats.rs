@@ -14,6 +14,7 @@
 
 use mipvog_outputs::flipbook::Flipbook;
 use mipvog_outputs::format::ExportFormat;
+use mipvog_outputs::gltf::mesh_file::Glb;
 use mipvog_outputs::snerg::Snerg;
 use mipvog_outputs::splat::Splat;
 use mipvog_outputs::usd::Usd;
@@ -22,7 +23,34 @@ use mipvog_outputs::vdb::Vdb;
 use crate::html::Html;
 
 /// Every format, in the order of `--help`.
-pub static FORMATS: [&dyn ExportFormat; 6] = [&Vdb, &Usd, &Snerg, &Flipbook, &Splat, &Html];
+pub static FORMATS: [&dyn ExportFormat; 7] = [&Vdb, &Usd, &Glb, &Html, &Splat, &Flipbook, &Snerg];
+
+/// Names that people try, and extensions of outputs, by the format that they mean.
+const OTHER_NAMES: [(&str, &str); 12] = [
+    ("openvdb", "vdb"),
+    ("usda", "usd"),
+    ("usdc", "usd"),
+    ("gltf", "glb"),
+    ("mesh", "glb"),
+    ("htm", "html"),
+    ("page", "html"),
+    ("ply", "splat"),
+    ("splats", "splat"),
+    ("png", "flipbook"),
+    ("exr", "flipbook"),
+    ("sprites", "flipbook"),
+];
+
+/// Other names of a format.
+pub fn other_names(format: &str) -> impl Iterator<Item = &'static str> {
+    OTHER_NAMES.into_iter().filter(move |(_, own)| *own == format).map(|(other, _)| other)
+}
+
+/// The format that an output's extension means.
+pub fn format_of_extension(extension: &str) -> Option<&'static dyn ExportFormat> {
+    let other = OTHER_NAMES.into_iter().find(|(other, _)| *other == extension);
+    format_named(other.map_or(extension, |(_, own)| own))
+}
 
 /// A format by its name.
 pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {

@@ -17,42 +17,48 @@ class BakeOptions(TypedDict, total=False):
     """Options of `bake`. One that is None or False is not given."""
 
     allow_network: Optional[bool]
-    """Allow https:// inputs, which are read by ranges; without this, the network is not used. Needs
-    a program that was built with the feature network."""
+    """Allow https:// inputs; needs a program built with the feature network. Without this option,
+    the network is not used."""
 
     alpha_threshold: Optional[Words]
-    """Drop blocks whose opacity over one step of the level never exceeds this [default: 0.001]"""
+    """Drop blocks whose opacity over one step of the level never exceeds this, 0 to 1 [default:
+    0.001]"""
 
     background: Optional[Words]
     """Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
-    likewise, else white]"""
+    likewise; else white]"""
 
     bits: Optional[Words]
     """Bits per stored value: 4 to 16, f16 or f32 [default: 8]"""
 
     block_size: Optional[Words]
-    """Nodes along a block's edge [default: 8]"""
+    """Voxels along a block's edge, 1 to 64 [default: 8]"""
 
     cameras: Optional[PathName]
-    """A camera file: NeRF-synthetic's transforms.json or nerfstudio's."""
+    """Camera file: NeRF-synthetic's transforms.json or nerfstudio's; or the folder with it."""
 
     coarse: Optional[PathName]
-    """The coarse checkpoint, for the free-space mask's threshold [default: beside the input]"""
+    """Coarse checkpoint, which has the threshold of the free-space mask [default: beside the
+    input]"""
 
     coarseness: Optional[Words]
-    """Allow larger colour errors where cameras see less: N quantization steps at a node of average
-    importance, 0 to 64 [default: 0]"""
+    """How far colours may drift where cameras see little, in quantization steps at a voxel of
+    average visibility, 0 to 64 [default: 0]"""
 
     color_threshold: Optional[float]
-    """Largest weight at which a sample's colour is skipped [default: likewise, else 0.0001]"""
+    """Skip the colour of samples whose weight is at most this, 0 to 1 [default: likewise; else
+    0.0001]"""
+
+    deny_warnings: Optional[bool]
+    """Exit with 1 if there is a warning; bake and export then write nothing."""
 
     depfile: Optional[PathName]
     """Write a dependency file for Make or Ninja: the container, and every file that it was made
     from."""
 
     drop_background: Optional[bool]
-    """Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
-    contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP."""
+    """Keep only the inner box of an unbounded scene. Left out are Plenoxels' background spheres,
+    the contracted space of DirectVoxGO and MERF, and all beyond the unit cube of Instant-NGP."""
 
     extent: Optional[float]
     """How far the outermost box of an unbounded scene reaches, in half sides of its inner box
@@ -69,18 +75,19 @@ class BakeOptions(TypedDict, total=False):
     """Maximum number of triangles in the mesh."""
 
     far: Optional[float]
-    """Largest t at which sampling may start [default: likewise, else unlimited]"""
+    """Farthest distance at which sampling may start; rays are not cut there [default: likewise;
+    else unlimited]"""
 
     field: Optional[int]
     """Select a field of a glTF asset [default: 0]"""
 
     fill_error: Optional[Words]
-    """Let blocks inherit their colours from the next coarser level if no retained node changes by
-    more than this, above 0 to 1; with --min-weight or --coarseness, by more where --cameras see
-    less [default: store all]"""
+    """Leave out a block's colours where the next coarser level reproduces them to within this
+    error, above 0 to 1; with --min-weight or --coarseness, less exactly where --cameras see little
+    [default: store all]"""
 
     filter: Optional[Words]
-    """Filter for coarser levels [default: rate-tent]"""
+    """Filter that makes coarser levels [default: rate-tent]"""
 
     fit_cameras: Optional[PathName]
     """Camera file for the reference pictures of `--filter fit`; a gate must use other cameras
@@ -97,52 +104,51 @@ class BakeOptions(TypedDict, total=False):
     """Overwrite the output if it exists."""
 
     frames: Optional[Words]
-    """Frames by name, path or number [default: all]"""
+    """Frames, by name, path or number [default: all]"""
 
     gltf: Optional[PathName]
-    """Also write a glTF asset, .glb or .gltf: the field, and a mesh for viewers without the
-    extension."""
+    """Also write a glTF asset, .glb or .gltf; it has the field, and a mesh for other viewers."""
 
     if_changed: Optional[bool]
     """Bake only if the input, the options or the version differ from those of the existing
     container, and replace it."""
 
     levels: Optional[Words]
-    """Maximum number of levels [default: down to 4 nodes along the longest axis]"""
+    """Maximum number of levels [default: down to 4 voxels along the longest axis]"""
 
     limit: Optional[Words]
-    """Set a limit on what files may request, such as memory=1000000000; repeatable. An unknown name
-    lists all limits."""
+    """Set a limit on what files may request, such as memory=1000000000; can be repeated. An unknown
+    name lists all limits."""
 
     lod_rule: Optional[Words]
-    """Rule that picks the level of a sample: a published rule instead of the filter's [default: the
-    filter's]"""
+    """Published rule that picks the level of a sample [default: the filter's own]"""
 
     lod_scale: Optional[Words]
     """Factor on the slope of the level rule [default: 1]"""
 
     max_bytes: Optional[Words]
-    """Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or
-    500KiB; if even the largest error does not fit, finest levels are dropped."""
+    """Largest size of the container, such as 3MB or 500KiB; the best quality that fits is chosen,
+    and the finest levels are dropped if nothing fits. Replaces --bits, --max-error and
+    --quality."""
 
     max_error: Optional[Words]
-    """Instead of --bits: the largest error of decoded colour (0 to 1) and of opacity over one
-    interval, 1e-6 to 0.25; each group of each level gets the fewest bits that satisfy it. Or three
-    bounds with colons: opacity, diffuse colour and features."""
+    """Largest error of colour (0 to 1) and of opacity over one interval, 1e-6 to 0.25; every level
+    gets the fewest bits that satisfy it. Three bounds with colons are for opacity, diffuse colour
+    and features. Replaces --bits."""
 
     memory: Optional[Words]
-    """Memory limit, such as 500MB or 2GiB; a small bound is slower, the output is the same
+    """Memory limit, such as 500MB or 2GiB; a low limit is slower and gives the same output
     [default: unlimited]"""
 
     min_weight: Optional[Words]
-    """Drop nodes whose weight is below this in every pixel of --cameras, above 0 to 1; other
+    """Drop voxels that add less than this to every pixel of --cameras, above 0 to 1; other
     viewpoints may miss parts [default: keep all]"""
 
     mlp: Optional[PathName]
-    """The view network: auto (the checkpoint's), none, or a file."""
+    """View network: auto (the checkpoint's), none, or a file."""
 
     near: Optional[float]
-    """Smallest t at which sampling may start [default: likewise, else 0]"""
+    """Distance along the camera's axis at which rays start [default: likewise; else 0]"""
 
     nonfinite: Optional[Words]
     """What to do with values that are not finite [default: refuse]"""
@@ -152,44 +158,43 @@ class BakeOptions(TypedDict, total=False):
     level 0; taken from --fit-cameras or else --cameras. One in eight is held out."""
 
     preset: Optional[Words]
-    """A set of options, which explicit options override."""
+    """Set of options; explicit options override it."""
 
     quality: Optional[Words]
-    """Instead of --bits or --max-error: the quality of pictures, 1 to 100; 75 equals --preset web;
-    every 25 less doubles the errors. With --cameras or --turntable, also sets --min-weight,
+    """Quality of pictures, 1 to 100; 75 equals --preset web, and every 25 less doubles the errors.
+    Replaces --bits and --max-error. With --cameras or --turntable, also sets --min-weight,
     --coarseness and --fill-error."""
 
     require_psnr: Optional[float]
-    """Write nothing and exit with 1 if the PSNR against the unbaked scene is below this, at full
-    size over the pixels of all cameras."""
+    """Write nothing and exit with 1 if the PSNR in dB against the unbaked scene is below this; at
+    full size, over the pixels of all cameras."""
 
     require_view_psnr: Optional[float]
-    """Write nothing and exit with 1 if the PSNR of fitted colours against the model's is below
-    this, along held-out directions."""
+    """Write nothing and exit with 1 if the PSNR in dB of fitted colours is below this; against the
+    model's, in held-out directions."""
 
     resolution: Optional[int]
-    """Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
-    torch-ngp) [default: 256], or along an edge of an unbounded scene's first box [default: as many
-    as the model has there]; cells along each axis of PeRFception's Plenoxels; for export, cubic
-    cells along the longest axis instead of nodes."""
+    """Voxels along the longest axis of a model without a grid, such as Instant-NGP [default: 256;
+    for the first box of an unbounded scene, as many as the model has]. For PeRFception's Plenoxels,
+    cells along each axis."""
 
     scene_scale: Optional[float]
     """Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
     from the input or a file beside it, else 1]"""
 
     size: Optional[Words]
-    """Picture size in pixels, or one number for a square [default: the camera file's, else its
-    pictures', else 800x800]"""
+    """Picture size in pixels, or one number for a square [default: the camera file's; else its
+    pictures'; else 800x800]"""
 
     stepsize: Optional[float]
-    """Step length in voxels [default: the container's; else from scene.toml, scene.json, the camera
-    file or the checkpoint; else 0.5, with a warning]"""
+    """Step length in voxels [default: the container's; else that of scene.toml, scene.json, the
+    camera file or the checkpoint; else 0.5, with a warning]"""
 
     threads: Optional[int]
-    """Number of threads; 0 means one per processor."""
+    """Number of threads, 0 to 256; 0 means one per processor."""
 
     turntable: Optional[int]
-    """Instead of a camera file: N cameras on a circle around the box."""
+    """N cameras on a circle around the box; instead of a camera file."""
 
     view: Optional[Words]
     """View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3."""

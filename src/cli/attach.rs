@@ -9,14 +9,17 @@ use serde::Serialize;
 use super::common::Common;
 use super::gltf;
 use super::outcome::{Outcome, readable, warn};
-use super::output::{create as create_output, refuse_stdout};
+use super::output::{create as create_output, digest, refuse_stdout};
+use super::shell;
 use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::{Error, Result};
-use crate::container::Container;
-use mipvog_outputs::gltf::asset::Asset;
+use crate::container::{Container, is_container};
+use mipvog_outputs::gltf::asset::{Asset, is_asset};
 use mipvog_outputs::gltf::attach::{AttachOptions, NodeChoice, attach, companions};
 
-/// Add a container to a glTF asset as a radiance field; everything else stays as it is
+/// Add a container to a glTF asset
+///
+/// Everything else in the asset stays as it is.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -57,13 +60,23 @@ pub(super) struct AttachReport {
     embedded: bool,
     /// Of the container, in hexadecimal digits.
     sha256: String,
+    /// Of the output, in hexadecimal digits.
+    output_sha256: String,
 }
 
 /// Attaches.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let limits = common.limits();
-    let asset = Asset::open(Arc::new(SourceFile::open(&arguments.asset)?), &limits)?;
+    let asset = Arc::new(SourceFile::open(&arguments.asset)?);
     let file = Arc::new(SourceFile::open(&arguments.container)?);
+    if is_container(&asset) && is_asset(&file) {
+        let words = [&arguments.container, &arguments.asset].map(|path| path.as_os_str());
+        let output = ["-o".as_ref(), arguments.output.as_os_str()];
+        let words = std::iter::once("attach".as_ref()).chain(words).chain(output);
+        let error = Error::usage("the asset comes first, then the container");
+        return Err(error.advise(shell::command(words)).in_file(&arguments.asset));
+    }
+    let asset = Asset::open(asset, &limits)?;
     let container = Container::open(file, &limits)?;
     let path = &arguments.output;
     refuse_stdout(path, "the names of other files depend on the asset's own")?;
@@ -71,7 +84,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut output = create_output(path, arguments.force)?;
     let options = AttachOptions { node: arguments.node.clone(), external: arguments.external };
     let attached = attach(&asset, &container, &arguments.container, path, &options, &mut output)?;
-    let bytes = output.length();
+    let (bytes, output_sha256) = (output.length(), digest(output.written())?);
     output.finish()?;
     warn_of_companions(&asset, &arguments.asset, path, common)?;
     let report = AttachReport {
@@ -83,6 +96,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         node: attached.node,
         embedded: attached.embedded,
         sha256: attached.sha256,
+        output_sha256,
     };
     let (field, node) = (attached.field, attached.node);
     let text = format!("{}: field {field} on node {node}, {}\n", path.display(), readable(bytes));

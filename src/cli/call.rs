@@ -68,6 +68,11 @@ impl Failure {
         Box::new(Self { message, ..*Self::of(&Error::usage("")) })
     }
 
+    /// Of a command line whose mistake is known.
+    pub(super) fn of_mistake(message: &str, help: &str) -> Box<Self> {
+        Self::of(&Error::usage(message).advise(help.to_owned()))
+    }
+
     /// Of a gate that is missed.
     pub(super) fn of_gate(reason: String, report: Value) -> Box<Self> {
         let remedy = "lower the gate, or raise the quality".to_owned();

@@ -6,14 +6,27 @@ use std::sync::OnceLock;
 use clap::Args;
 
 use super::common::Common;
+use super::guess::camera_path;
 use super::outcome::{assumed, warn};
+use super::progress::Bar;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 use crate::model::camera::{self, Camera, PickedCameras};
 use crate::model::grid::Bounds;
+use crate::view::panorama;
+use crate::view::render::Renderer;
 
 /// Picture size of cameras that no file tells the size of.
 pub const DEFAULT_SIZE: [usize; 2] = [800; 2];
+/// Cameras around a scene where none is asked for.
+const AROUND: usize = 8;
+/// Pixels along a side of their pictures, at least.
+const AROUND_SIZE: usize = 400;
+/// Pixels of such a picture for each voxel along the longest axis, so that level 0 is read.
+const PIXELS_PER_VOXEL: usize = 3;
+/// What makes a camera file of COLMAP's and LLFF's.
+const OF_OTHERS: &str = "COLMAP's and LLFF's cameras are not read: `ns-process-data` of nerfstudio \
+                         writes a transforms.json from them";
 /// Memory for a pixel while it is rendered: its sums and the picture's channels.
 const BYTES_A_PIXEL: u64 = 160;
 
@@ -21,18 +34,18 @@ const BYTES_A_PIXEL: u64 = 160;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Cameras")]
 pub struct CameraArguments {
-    /// A camera file: NeRF-synthetic's transforms.json or nerfstudio's
-    #[arg(long, value_name = "FILE")]
+    /// Camera file: NeRF-synthetic's transforms.json or nerfstudio's; or the folder with it
+    #[arg(long, value_name = "FILE", value_parser = camera_path())]
     cameras: Option<PathBuf>,
-    /// Instead of a camera file: N cameras on a circle around the box
+    /// N cameras on a circle around the box; instead of a camera file
     #[arg(long, value_name = "N", conflicts_with = "cameras",
           value_parser = clap::value_parser!(u16).range(1..))]
     turntable: Option<u16>,
-    /// Picture size in pixels, or one number for a square [default: the camera file's, else its
-    /// pictures', else 800x800]
+    /// Picture size in pixels, or one number for a square [default: the camera file's; else its
+    /// pictures'; else 800x800]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<Size>,
-    /// Frames by name, path or number [default: all]
+    /// Frames, by name, path or number [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     frames: Vec<String>,
     /// Set once the warnings of the file are told: a verb may ask for the cameras again.
@@ -76,15 +89,29 @@ impl CameraArguments {
             (Some(cameras), _) => Ok(cameras),
             (None, Some(count)) => self.pick(camera::turntable(bounds, count, self.made_size())),
             (None, None) => {
-                Err(Error::usage("--cameras FILE or --turntable N must say from where"))
+                Err(Error::usage("there are no cameras: pass --cameras FILE or --turntable N"))
             }
+        }
+    }
+
+    /// Cameras all around a field, or inside its world, where none is asked for.
+    pub fn around(&self, field: &Renderer, bar: &Bar) -> Result<Vec<Camera>> {
+        let size = self.size.map_or_else(|| wide_enough(field), |Size(size)| size);
+        let view = field.view();
+        match view.boxes.is_empty() {
+            true => self.pick(camera::turntable(&view.bounds, AROUND, size)),
+            false => self.pick(panorama(field, AROUND, size, bar)?),
         }
     }
 
     /// The picked cameras of the file, if there is one.
     pub fn of_file(&self, common: &Common) -> Result<Option<Vec<Camera>>> {
         let Some(path) = &self.cameras else { return Ok(None) };
-        let read = camera::read(path, self.size.map(|Size(size)| size), &common.limits())?;
+        let read = camera::read(path, self.size.map(|Size(size)| size), &common.limits());
+        let read = read.map_err(|error| match is_of_others(path) {
+            true => error.advise(OF_OTHERS),
+            false => error,
+        })?;
         let picked = read.pick(&self.frames)?;
         self.told.get_or_init(|| warn_of_cameras(path, &picked, common));
         Ok(Some(picked.cameras))
@@ -94,6 +121,18 @@ impl CameraArguments {
     pub fn pick(&self, cameras: Vec<Camera>) -> Result<Vec<Camera>> {
         camera::pick(cameras, &self.frames)
     }
+}
+
+/// A square that shows the voxels of a scene that fills it, without coarser levels.
+fn wide_enough(field: &Renderer) -> [usize; 2] {
+    let longest = field.view().nodes.0.into_iter().max().unwrap_or(0);
+    [(PIXELS_PER_VOXEL * longest).clamp(AROUND_SIZE, DEFAULT_SIZE[0]); 2]
+}
+
+/// True for the cameras of COLMAP and of LLFF.
+fn is_of_others(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    matches!(name, "cameras.txt" | "cameras.bin" | "images.txt" | "images.bin" | "poses_bounds.npy")
 }
 
 /// Tells what is left out or assumed of the cameras of a file.

@@ -2,7 +2,9 @@
 
 use clap::{Args, ValueEnum};
 
+use super::outcome::counted;
 use super::values;
+use super::warnings::Warnings;
 use super::watcher::SharedWatcher;
 #[cfg(feature = "network")]
 use crate::base::bytes::NetworkPermit;
@@ -12,25 +14,28 @@ use crate::base::limits::{LimitName, Limits};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "General")]
 pub(super) struct Common {
-    /// Report format; sarif is for the findings of validate only
+    /// Report format: text, json (errors too), or sarif for the findings of validate
     #[arg(long, global = true, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
-    /// Number of threads; 0 means one per processor
+    /// Number of threads, 0 to 256; 0 means one per processor
     #[arg(long, global = true, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=256))]
     pub(super) threads: u16,
-    /// Set a limit on what files may request, such as memory=1000000000; repeatable. An unknown
+    /// Set a limit on what files may request, such as memory=1000000000; can be repeated. An unknown
     /// name lists all limits
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(LimitName, u64)>,
-    /// Allow https:// inputs, which are read by ranges; without this, the network is not used. Needs
-    /// a program that was built with the feature network
+    /// Allow https:// inputs; needs a program built with the feature network. Without this option,
+    /// the network is not used
     #[arg(long, global = true)]
     pub(super) allow_network: bool,
+    /// Exit with 1 if there is a warning; bake and export then write nothing
+    #[arg(long, global = true)]
+    pub(super) deny_warnings: bool,
     /// Print no report, progress or warnings
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,
-    /// Print more, such as the time of each stage
+    /// Print more: tables of levels, frames and stages
     #[arg(long, short, global = true, conflicts_with = "quiet")]
     pub(super) verbose: bool,
     /// Colours in error messages
@@ -42,6 +47,9 @@ pub(super) struct Common {
     /// The program that holds this library and watches the work.
     #[arg(skip)]
     pub(super) watcher: Option<SharedWatcher>,
+    /// The warnings of the run.
+    #[arg(skip)]
+    pub(super) warnings: Warnings,
 }
 
 impl Common {
@@ -55,6 +63,13 @@ impl Common {
     #[cfg(not(feature = "network"))]
     pub(super) fn network_permit(&self) -> Option<()> {
         None
+    }
+
+    /// The reason to fail because of warnings, if they are denied and there are some.
+    pub(super) fn denied(&self) -> Option<String> {
+        let count = self.warnings.texts().len();
+        (self.deny_warnings && count > 0)
+            .then(|| format!("{}, and --deny-warnings is set", counted(count, "warning")))
     }
 
     /// Limits on the sizes that files may ask for.

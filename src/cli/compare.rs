@@ -1,7 +1,6 @@
 //! `compare`.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -11,7 +10,9 @@ use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
 use super::detail::{check_levels, parse_levels, warn_of_figures};
 use super::field::FieldArguments;
-use super::outcome::{Outcome, warn};
+use super::guess::input_path;
+use super::layout::{Table, columns, folded};
+use super::outcome::{Outcome, counted, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -29,11 +30,12 @@ use crate::view::render::{LevelChoice, Renderer};
 /// An error of this much is white in heat maps.
 const FULL_HEAT: f32 = 0.25;
 
-/// Measure the error of a field at every scale, against another field or a folder of pictures
+/// Measure the error of a field at every scale
 ///
 /// The reference is rendered at full size and averaged down to each scale. The field is rendered
 /// with one ray per pixel at each scale, as in a distant viewer, so the error at smaller scales is
-/// mostly aliasing. --difference renders both at the same size and compares those.
+/// mostly aliasing. --difference renders both at the same size and compares those. Without cameras,
+/// eight pictures are taken from around the scene.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake compare fine_last.tar scene.mipvog --stepsize 0.5 --cameras transforms.json
@@ -41,8 +43,10 @@ const FULL_HEAT: f32 = 0.25;
   mipvog-bake compare test/ scene.mipvog --cameras transforms.json --scales 1 -o errors/")]
 pub struct Arguments {
     /// The reference: a container, a glTF asset, a trained input, or a folder of pictures
+    #[arg(value_parser = input_path())]
     reference: PathBuf,
     /// The field to measure: a container, a glTF asset or a trained input
+    #[arg(value_parser = input_path())]
     field: PathBuf,
     /// Write heat maps of the error to this folder: black is no error, white 0.25 or more
     #[arg(short, long, value_name = "DIR")]
@@ -50,7 +54,7 @@ pub struct Arguments {
     /// Render both at the same size at each scale and compare those
     #[arg(long)]
     difference: bool,
-    /// Scales to measure: full size, a half, a quarter and so on
+    /// Scales to measure: 1 is full size, 2 a half, 4 a quarter
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1,2,4,8",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     scales: Vec<u16>,
@@ -135,7 +139,14 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         arguments.warn_of_settings(&opened, common)?;
         Reference::Field(Box::new(opened))
     };
-    let cameras = arguments.cameras.cameras(&field.view().bounds, common)?;
+    let cameras = match arguments.cameras.given() {
+        true => arguments.cameras.cameras(&field.view().bounds, common)?,
+        false if pictures => {
+            let message = "pictures need the cameras that took them: --cameras FILE";
+            return Err(Error::usage(message).in_file(&arguments.reference));
+        }
+        false => arguments.cameras.around(&field, &bar)?,
+    };
     if let Reference::Pictures { folder, .. } = &reference
         && let Some(message) = shared_photograph(folder, &cameras)
     {
@@ -169,7 +180,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         scales: errors,
     };
     let both_fields = matches!(reference, Reference::Field(_));
-    Outcome::new("compare", &report, report.text(both_fields))
+    Outcome::new("compare", &report, report.text(both_fields, common))
 }
 
 /// A table of errors.
@@ -177,25 +188,21 @@ pub fn errors_text(errors: &[ScaleErrors]) -> String {
     let number = |value: Option<f64>, digits: usize| {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
-    let mut text = String::from(
-        "  scale   PSNR, dB    pooled      SSIM   largest      99 %   diffuse   opacity\n",
-    );
+    let heads = ["scale", "PSNR, dB", "pooled", "SSIM", "largest", "99 %", "diffuse", "opacity"];
+    let mut table = Table::new(heads, 1);
     for error in errors {
-        writeln!(
-            text,
-            "  1/{:<4} {:>9.2} {:>9.2} {:>9} {:>9.4} {:>9.4} {:>9} {:>9}",
-            error.scale,
-            error.psnr,
-            error.pooled_psnr,
+        table.add([
+            format!("1/{}", error.scale),
+            format!("{:.2}", error.psnr),
+            format!("{:.2}", error.pooled_psnr),
             number(error.ssim, 4),
-            error.max_abs,
-            error.p99_abs,
+            format!("{:.4}", error.max_abs),
+            format!("{:.4}", error.p99_abs),
             number(error.psnr_diffuse, 2),
             number(error.psnr_opacity, 2),
-        )
-        .ok();
+        ]);
     }
-    text
+    table.text(columns())
 }
 
 impl Arguments {
@@ -210,9 +217,12 @@ impl Arguments {
         for ((option, own), (_, rendered)) in own.values().into_iter().zip(rendered.values()) {
             if own != rendered {
                 let field = self.field.display();
+                let remedy = match own.as_str() {
+                    "unlimited" => format!("leave out {option}"),
+                    own => format!("pass {option} {own}"),
+                };
                 let message = format!(
-                    "{field} was baked with {option} {own}, and the reference is rendered with \
-                     {rendered}: the container knows its own, so give the reference the same"
+                    "{field} was baked with {option} {own}, the reference has {rendered}: {remedy}"
                 );
                 warn(&message, common);
             }
@@ -251,25 +261,33 @@ impl Arguments {
 }
 
 impl CompareReport {
-    fn text(&self, both_fields: bool) -> String {
+    fn text(&self, both_fields: bool, common: &Common) -> String {
         let (reference, field) = (&self.reference, &self.field);
-        let mut text = format!("{field} against {reference}, mean over {} frames\n", self.frames);
+        let psnr = self.scales.iter().find(|errors| errors.scale == 1);
+        let psnr = psnr.map_or_else(String::new, |full| format!("{:.2} dB, ", full.pooled_psnr));
+        let frames = counted(self.frames, "frame");
+        let line = format!("{field} against {reference}: {psnr}{frames}");
+        let mut text = folded(&line, columns(), 4) + "\n";
         text += &errors_text(&self.scales);
-        text += "PSNR is the mean over frames, pooled that of the error over all their pixels; largest \
-                 and 99 % are errors of a channel, 0 to 1; diffuse and opacity are PSNR\n";
-        text += match (self.measures, both_fields) {
-            (Measures::Difference, _) => {
-                "both sides are rendered alike at each scale: this is their difference alone\n"
-            }
-            (Measures::AgainstFullSize, true) => {
-                "smaller scales are against the reference at full size, averaged down: they show \
-                 aliasing too; --difference measures the two fields' difference alone\n"
-            }
-            (Measures::AgainstFullSize, false) => {
-                "smaller scales are against the pictures at full size, averaged down: they show \
-                 aliasing too\n"
-            }
-        };
+        let mut add = |line: &str| text += &(folded(&format!("  {line}"), columns(), 4) + "\n");
+        if common.verbose {
+            add(
+                "PSNR: mean of the frames; pooled: of the error over all their pixels; largest and \
+                 99 %: error of a channel, 0 to 1; diffuse, opacity: PSNR of these alone",
+            );
+        }
+        match (self.measures, both_fields) {
+            (Measures::Difference, _) => add("both rendered at the size of each scale"),
+            (Measures::AgainstFullSize, true) if self.scales.len() > 1 => add(
+                "smaller scales compare one ray per pixel with the full-size picture averaged down, \
+                 so they include aliasing; --difference leaves it out",
+            ),
+            (Measures::AgainstFullSize, false) if self.scales.len() > 1 => add(
+                "smaller scales compare one ray per pixel with the full-size picture averaged down, \
+                 so they include aliasing",
+            ),
+            _ => {}
+        }
         text + &self.settings.text()
     }
 }

@@ -6,11 +6,12 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::layout::{Table, columns, folded};
 use super::outcome::readable;
 use crate::bake::{GroupReport, LevelReport, level_reports, shell_reports};
 use crate::base::error::Result;
 use crate::container::Container;
-use crate::model::baked::{Group, Metadata, ViewMetadata};
+use crate::model::baked::{Group, LevelOfDetail, Metadata, ViewMetadata};
 use crate::model::grid::Bounds;
 
 #[derive(Debug, Serialize)]
@@ -73,60 +74,87 @@ impl ContainerReport {
 }
 
 /// A container's origin, the settings of its pictures, and its levels.
-pub(super) fn container_text(path: &Path, report: &ContainerReport) -> String {
+pub(super) fn container_text(path: &Path, report: &ContainerReport, verbose: bool) -> String {
     let mut text = String::new();
     let [major, minor] = report.version;
     let metadata = &report.metadata;
     let bytes = readable(report.file_bytes);
     writeln!(text, "{}: container {major}.{minor}, {bytes}", path.display()).ok();
     if let Some(origin) = report.provenance.as_ref().and_then(origin_text) {
-        writeln!(text, "  {origin}").ok();
+        text += &(folded(&format!("  {origin}"), columns(), 4) + "\n");
     }
     let [min, max] = [report.bounds.min, report.bounds.max];
-    writeln!(text, "  box {min:?} to {max:?}, levels by {}", metadata.filter).ok();
+    let line = format!("  box {min:.4?} to {max:.4?}, filter {}", metadata.filter);
+    text += &(folded(&line, columns(), 4) + "\n");
     let march = &metadata.march;
-    let far = march.far.map_or_else(|| "without bound".to_owned(), |far| far.to_string());
-    let [red, green, blue] = metadata.background;
-    writeln!(
-        text,
-        "  step length {} voxels of {:.4}, near {}, far {far}, background {red},{green},{blue}",
-        march.stepsize, march.voxel_size, march.near
-    )
-    .ok();
-    let rule = &metadata.level_of_detail;
-    writeln!(
-        text,
-        "  samples read level {} log2(footprint in voxels) {:+}{}{}",
-        rule.factor,
-        rule.bias,
-        match rule.bends.as_slice() {
-            [] => String::new(),
-            bends => format!(", steeper by {bends:?}"),
-        },
-        rule.bound.map_or_else(String::new, |bound| format!(", at most {bound}"))
-    )
-    .ok();
-    let view = match (&report.mlp, metadata.view.as_ref().and_then(ViewMetadata::harmonics)) {
-        (Some(widths), _) => format!("view network {widths:?}"),
+    let far = march.far.map_or_else(|| "unlimited".to_owned(), |far| far.to_string());
+    let line = format!(
+        "  step length {} voxels of {:.4}, near {}, far {far}, background {}",
+        march.stepsize,
+        march.voxel_size,
+        march.near,
+        color_text(metadata.background)
+    );
+    text += &(folded(&line, columns(), 4) + "\n");
+    let network = report.mlp.as_ref();
+    let harmonics = metadata.view.as_ref().and_then(ViewMetadata::harmonics);
+    let view = match (network, harmonics) {
+        (Some(widths), _) if verbose => format!("view-dependent colour: a network, {widths:?}"),
+        (Some(_), _) => "view-dependent colour: a network".to_owned(),
         (None, Some(harmonics)) => {
-            format!("spherical harmonics of degree {}", harmonics.degree)
+            format!("view-dependent colour: harmonics of degree {}", harmonics.degree)
         }
-        (None, None) => "colours that do not depend on the view".to_owned(),
+        (None, None) => "view-dependent colour: none".to_owned(),
     };
     writeln!(text, "  {view}").ok();
+    if verbose {
+        text += &rule_text(&metadata.level_of_detail);
+    }
     if !report.levels_missing.is_empty() {
         let missing = &report.levels_missing;
         writeln!(text, "  the file ends early: levels {missing:?} are missing").ok();
     }
-    text + &levels_text(&report.levels, &report.shells) + LEGEND
+    text += &levels_text(&report.levels, &report.shells, verbose);
+    if verbose {
+        text += &legend(!report.shells.is_empty());
+    }
+    text
+}
+
+/// The rule that picks the level of a sample.
+fn rule_text(rule: &LevelOfDetail) -> String {
+    let mut line =
+        format!("  level of a sample: {} log2(footprint in voxels) {:+}", rule.factor, rule.bias);
+    for [start, change] in rule.bends.as_slice() {
+        write!(line, ", from {start} on {change:+} steeper").ok();
+    }
+    if let Some(bound) = rule.bound {
+        write!(line, ", at most {bound}").ok();
+    }
+    folded(&line, columns(), 4) + "\n"
+}
+
+/// A colour as its option takes it.
+pub(super) fn color_text([red, green, blue]: [f32; 3]) -> String {
+    match red == green && green == blue {
+        true => red.to_string(),
+        false => format!("{red},{green},{blue}"),
+    }
 }
 
 /// Explains the columns of [`levels_text`].
-pub(super) const LEGEND: &str = "  \
-  prefix: bytes from the start of the file that show this level and all coarser ones; out: what a \
-  level shows around the smaller box\n  \
-  density and the others: bits of a code, and the largest error of opacity over one step or of \
-  colour (0 to 1)\n";
+const LEGEND: [&str; 3] = [
+    "prefix: bytes from the start of the file that draw this level and all coarser ones",
+    "density, diffuse, ...: bits per value, and the largest error of opacity over one step or of \
+     colour (0 to 1)",
+    "out: what a level shows around the next smaller box",
+];
+
+/// The legend of a table of levels.
+pub(super) fn legend(has_shells: bool) -> String {
+    let lines = LEGEND.iter().take(if has_shells { 3 } else { 2 });
+    lines.map(|line| folded(&format!("  {line}"), columns(), 4) + "\n").collect()
+}
 
 /// The tool, the input and the filter that made a container.
 fn origin_text(provenance: &Value) -> Option<String> {
@@ -142,8 +170,9 @@ fn origin_text(provenance: &Value) -> Option<String> {
     Some(origin)
 }
 
-/// A table of levels and shells, with a column for each group that a level has.
-pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport]) -> String {
+/// A table of levels and shells; with a column for each group that a level has, if `errors` are
+/// asked for.
+pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport], errors: bool) -> String {
     let rows = levels.iter().map(|level| (format!("{}", level.level), level));
     let shells = shells.iter().map(|shell| (format!("out {}", shell.level), shell));
     let rows: Vec<(String, &LevelReport)> = rows.chain(shells).collect();
@@ -151,39 +180,38 @@ pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport]) -> Str
         let mut all = rows.iter().flat_map(|(_, level)| &level.groups);
         all.any(|stored| stored.group == group.name())
     };
-    let groups: Vec<Group> = Group::ALL.into_iter().filter(stored).collect();
-    let mut text = String::from("  level   dimensions      blocks stored      bytes     prefix");
-    for group in &groups {
-        write!(text, "   {:14}", group.name()).ok();
-    }
-    text = text.trim_end().to_owned() + "\n";
+    let groups = Group::ALL.into_iter().filter(|group| errors && stored(group));
+    let groups: Vec<Group> = groups.collect();
+    let heads = ["level", "voxels", "blocks stored", "bytes", "prefix"].map(str::to_owned);
+    let mut table = Table::new(heads.into_iter().chain(groups.iter().map(|g| g.name().into())), 2);
     for (name, level) in &rows {
         let [x, y, z] = level.dimensions;
         let share = 100.0 * level.blocks_stored as f64 / level.blocks_total.max(1) as f64;
-        let mut row = format!(
-            "  {name:5}   {:14} {:>9} {:>5.1} % {:>10} {:>10}",
+        let cells = [
+            name.clone(),
             format!("{x} x {y} x {z}"),
-            level.blocks_stored,
-            share,
+            format!("{} {share:>5.1} %", level.blocks_stored),
             readable(level.stored_bytes),
             level.prefix_bytes.map_or_else(|| "-".to_owned(), readable),
-        );
-        for group in &groups {
+        ];
+        let depths = groups.iter().map(|group| {
             let stored = level.groups.iter().find(|stored| stored.group == group.name());
-            write!(row, "   {:14}", stored.map_or_else(|| "-".to_owned(), depth)).ok();
-        }
-        text += row.trim_end();
-        text.push('\n');
+            stored.map_or_else(|| "-".to_owned(), depth)
+        });
+        table.add(cells.into_iter().chain(depths));
+    }
+    let mut text = table.text(columns());
+    if !errors {
+        return text;
     }
     let moved =
         rows.iter().flat_map(|(_, level)| &level.groups).filter_map(|group| group.moved_error);
     if let Some(moved) = moved.reduce(f32::max) {
-        writeln!(
-            text,
-            "  at nodes of low importance, colours were moved farther than the largest error: \
-             by up to {moved:.2}"
-        )
-        .ok();
+        let line = format!(
+            "  where viewers nearby see little, colours differ by up to {moved:.2}, more than the \
+             largest error in the table"
+        );
+        text += &(folded(&line, columns(), 4) + "\n");
     }
     text
 }

@@ -9,14 +9,16 @@ use serde::Serialize;
 use super::attach::{check_kind, warn_of_companions};
 use super::common::Common;
 use super::outcome::{Outcome, counted, readable};
-use super::output::{create as create_output, refuse_stdout};
+use super::output::{create as create_output, digest, refuse_stdout};
 use super::stdin;
 use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::Result;
 use mipvog_outputs::gltf::asset::Asset;
 use mipvog_outputs::gltf::attach::detach;
 
-/// Remove the radiance fields from a glTF asset; everything else stays as it is
+/// Remove fields from a glTF asset
+///
+/// Everything else in the asset stays as it is.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -42,6 +44,8 @@ pub(super) struct DetachReport {
     asset: String,
     output: String,
     output_bytes: u64,
+    /// Of the output, in hexadecimal digits.
+    sha256: String,
     /// Numbers of the fields that were taken out.
     fields: Vec<usize>,
     /// Fields that are left.
@@ -57,7 +61,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     check_kind(&asset, path)?;
     let mut output = create_output(path, arguments.force)?;
     let detached = detach(&asset, arguments.field, &mut output)?;
-    let bytes = output.length();
+    let (bytes, sha256) = (output.length(), digest(output.written())?);
     output.finish()?;
     let left = Asset::open(Arc::new(SourceFile::open(path)?), &common.limits())?;
     warn_of_companions(&left, &arguments.asset, path, common)?;
@@ -65,11 +69,12 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         asset: arguments.asset.to_string_lossy().into_owned(),
         output: path.to_string_lossy().into_owned(),
         output_bytes: bytes,
+        sha256,
         fields: detached.fields.clone(),
         left: detached.left,
     };
     let (taken, left) = (counted(detached.fields.len(), "field"), detached.left);
     let bytes = readable(bytes);
-    let text = format!("{}: {taken} taken out, {left} left, {bytes}\n", path.display());
+    let text = format!("{}: {taken} removed, {left} left, {bytes}\n", path.display());
     Outcome::new("detach", &report, text)
 }

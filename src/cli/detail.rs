@@ -62,8 +62,8 @@ pub fn warn_of_figures(
     {
         let [width, height] = [camera.lens.width, camera.lens.height];
         let mut message = format!(
-            "pictures of {width} x {height} read level {level:.1} on average, so the row 1/1 holds \
-             the loss of coarser levels beside that of the bake: pass --size {} or more",
+            "pictures of {width} x {height} read level {level:.2} on average: row 1/1 includes the \
+             error of coarser levels, not only that of the bake; pass --size {} or more",
             large_enough([width, height], level)
         );
         if let Some(remedy) = remedy {
@@ -75,7 +75,7 @@ pub fn warn_of_figures(
         let names = blank.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ");
         let others = blank.len().saturating_sub(NAMED);
         let more = if others > 0 { format!(" and {others} more") } else { String::new() };
-        let shows = "nothing shows in these frames, so they say nothing of the field";
+        let shows = "nothing shows in these frames, so they say nothing about the field";
         warn(&format!("{shows}: {names}{more}"), common);
     }
 }

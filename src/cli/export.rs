@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -11,6 +11,8 @@ use serde_json::{Map, Value};
 use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::field::FieldArguments;
+use super::guess::input_path;
+use super::layout::{columns, folded};
 use super::outcome::{Outcome, counted, readable};
 use super::output::refuse_stdout;
 use super::progress::Bar;
@@ -23,7 +25,7 @@ use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::{LimitName, Limits};
 use crate::base::progress::Step;
 use crate::base::text::parse_bytes;
-use crate::formats::{FORMATS, format_named};
+use crate::formats::{FORMATS, format_named, format_of_extension, other_names};
 use crate::model::grid::Bounds;
 use crate::view::overview;
 use crate::view::render::Renderer;
@@ -35,31 +37,31 @@ use mipvog_outputs::measure::export_errors;
 /// Pixels along a side of the picture that is measured where no camera is given.
 const SIZE: usize = 400;
 
-/// Write a field in another program's format, and measure the loss
+/// Write another program's format, and measure the loss
 ///
 /// The written bytes are read back and rendered by the rules of the format's programs. The report
 /// states the PSNR against the field's own pictures, and what the format cannot represent.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  mipvog-bake export scene.mipvog --to vdb -o scene.vdb
-  mipvog-bake export scene.mipvog --to usd -o scene.usda --up y
-  mipvog-bake export scene.mipvog --to flipbook -o scene.png --resolution 64")]
+  mipvog-bake export scene.mipvog --to html -o site/
+  mipvog-bake export scene.mipvog -o page.html
+  mipvog-bake export scene.mipvog -o scene.vdb --supersample 4
+  mipvog-bake export scene.mipvog -o mesh.glb")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked; - means standard input
+    #[arg(value_parser = input_path())]
     field: PathBuf,
-    /// The format
-    #[arg(long, value_name = "FORMAT",
-          value_parser = PossibleValuesParser::new(FORMATS.map(|format| format.name())))]
-    to: String,
-    /// The file to write; other files of the export go beside it
+    /// Format [default: by the extension of the output]
+    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(format_names()))]
+    to: Option<String>,
+    /// File to write; other files of the export go beside it. For html and snerg, also a folder
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The level to export; 0 is the finest
+    /// Level to export; 0 is the finest
     #[arg(long, value_name = "K", default_value_t = 0)]
     level: usize,
-    /// Points per node along each axis, interpolated as the field does and then activated [default:
-    /// the format's]
+    /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]
     #[arg(long, value_name = "K", conflicts_with = "resolution")]
     supersample: Option<usize>,
     /// Leave out everything outside this box, in world coordinates
@@ -84,8 +86,11 @@ pub struct Arguments {
     /// Maximum number of Gaussian splats; the most visible ones are kept [default: 100000]
     #[arg(long, value_name = "N", help_heading = "Splats")]
     splats: Option<usize>,
-    /// Write nothing and exit with 1 if the PSNR against the field is below this, over the pixels
-    /// of all cameras
+    /// Maximum number of triangles [default: 100000]
+    #[arg(long, value_name = "N", help_heading = "Mesh")]
+    triangles: Option<usize>,
+    /// Write nothing and exit with 1 if the PSNR in dB against the field is below this. The PSNR is
+    /// that over the pixels of all cameras
     #[arg(long, value_name = "DB")]
     require_psnr: Option<f64>,
     /// Memory limit for values, such as 500MB or 2GiB [default: --limit memory]
@@ -148,11 +153,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
 fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     refuse_stdout(&arguments.output, "an export may have several files")?;
+    let format = arguments.format()?;
     if arguments.require_psnr.is_some_and(|least| !least.is_finite()) {
         return Err(Error::usage("--require-psnr must be a finite number of dB"));
     }
-    let format = format_named(&arguments.to);
-    let format = format.ok_or_else(|| Error::usage(format!("--to {}", arguments.to)))?;
     arguments.check_options(format)?;
     let mut options = arguments.options(common);
     let bar = Bar::new(common);
@@ -186,7 +190,9 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let shown = format.read_back(&source, &written, &options.limits)?;
     let errors = export_errors(&source.field, &*shown, &cameras, options.level, &bar)?;
     drop(shown);
-    let passed = arguments.require_psnr.is_none_or(|least| errors.pooled_psnr >= least);
+    let reached = arguments.require_psnr.is_none_or(|least| errors.pooled_psnr >= least);
+    let denied = common.denied();
+    let passed = reached && denied.is_none();
     let reports = if passed { written.report()? } else { Vec::new() };
     bar.check()?;
     if passed {
@@ -209,11 +215,12 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         lost: lost_of(exported.lost, is_inner),
         details: exported.details,
     };
-    let failure = arguments.require_psnr.filter(|_| !passed).map(|least| {
-        let output = arguments.output.display();
+    let output = arguments.output.display();
+    let missed = arguments.require_psnr.filter(|_| !reached).map(|least| {
         let psnr = errors.pooled_psnr;
         format!("{output}: not written: {psnr:.2} dB against the field, {least} dB required")
     });
+    let failure = missed.or_else(|| Some(format!("{output}: not written: {}", denied?)));
     let outcome = Outcome::new("export", &report, report.text())?;
     Ok(Outcome { failure, ..outcome })
 }
@@ -226,7 +233,32 @@ fn lost_of(mut lost: Vec<String>, is_inner: bool) -> Vec<String> {
     lost
 }
 
+/// The formats, with other names that are understood.
+fn format_names() -> Vec<PossibleValue> {
+    let named = |format: &dyn ExportFormat| {
+        PossibleValue::new(format.name()).aliases(other_names(format.name()))
+    };
+    FORMATS.into_iter().map(named).collect()
+}
+
 impl Arguments {
+    /// The format, by its name or by the output's extension.
+    fn format(&self) -> Result<&'static dyn ExportFormat> {
+        let extension = self.output.extension().and_then(|extension| extension.to_str());
+        let extension = extension.map(str::to_lowercase);
+        let found = match (&self.to, &extension) {
+            // Of an alias.
+            (Some(name), _) => format_named(name).or_else(|| format_of_extension(name)),
+            (None, Some(extension)) => format_of_extension(extension),
+            (None, None) => None,
+        };
+        found.ok_or_else(|| {
+            let names = FORMATS.map(|format| format.name()).join(", ");
+            let message = format!("-o {}: the name does not say the format", self.output.display());
+            Error::usage(message).advise(format!("pass --to with one of {names}"))
+        })
+    }
+
     /// True for a container of nested boxes.
     fn has_shells(&self, limits: &Limits) -> Result<bool> {
         let container = self.which.container(&self.field, limits)?;
@@ -245,6 +277,7 @@ impl Arguments {
             ("normalize_density", self.normalize_density),
             ("features", self.features),
             ("splats", self.splats.is_some()),
+            ("triangles", self.triangles.is_some()),
         ];
         let refused = given.iter().find(|(name, given)| *given && !format.options().contains(name));
         match refused {
@@ -273,6 +306,7 @@ impl Arguments {
             normalize_density: self.normalize_density,
             features: self.features,
             splats: self.splats,
+            triangles: self.triangles,
             limits,
             ..ExportOptions::default()
         }
@@ -362,15 +396,16 @@ impl Arguments {
 impl ExportReport {
     fn text(&self) -> String {
         let mut text = String::new();
+        let mut add = |line: &str| text += &(folded(line, columns(), 4) + "\n");
         for file in &self.files {
-            text += &format!("  {}: {}\n", file.path, readable(file.bytes));
+            add(&format!("{}: {}", file.path, readable(file.bytes)));
         }
-        let cameras = counted(self.cameras, "camera");
-        if let Some(psnr) = self.psnr {
-            text += &format!("  {psnr:.2} dB against the field, {cameras}\n");
+        let pictures = counted(self.cameras, "picture");
+        if let Some(psnr) = self.pooled_psnr {
+            add(&format!("  {psnr:.2} dB against the field, {pictures}"));
         }
         for lost in &self.lost {
-            text += &format!("  lost: {lost}\n");
+            add(&format!("  lost: {lost}"));
         }
         text
     }

@@ -4,8 +4,10 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
+use super::guess;
 use super::interrupt;
 use super::outcome::readable;
+use super::shell;
 use super::stdin::named;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place};
@@ -63,6 +65,9 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
             "retrain, or bake with --nonfinite empty, which treats these values as empty".into()
         }
         ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
+        ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::IsADirectory => {
+            error.file().map_or_else(|| error.remedy(), |folder| guess::of_folder(folder).into())
+        }
         ErrorKind::Exists => "pass --force to overwrite it".into(),
         ErrorKind::IsInput => {
             "choose another name for the output; --force does not replace an input".into()
@@ -89,12 +94,21 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
     let file = Arc::new(SourceFile::open(path).ok()?);
     let shown = path.display();
     let kind = tensor::describe(&file).ok()?;
+    let own = path.as_os_str();
+    let of = |verb: &str, extension: &str| {
+        let output = path.with_extension(extension);
+        shell::command([verb.as_ref(), own, "-o".as_ref(), output.as_os_str()])
+    };
     Some(match kind {
         "a .mipvog container" => format!(
-            "mipvog-bake view {shown} shows it, mipvog-bake unpack {shown} -o {} takes it apart",
-            path.with_extension("safetensors").display()
+            "{} shows it, {} unpacks it",
+            shell::command(["view".as_ref(), own]),
+            of("unpack", "safetensors")
         ),
-        "a glTF binary" => format!("mipvog-bake inspect {shown} lists its radiance fields"),
+        "a glTF binary" => {
+            let inspect = shell::command(["inspect".as_ref(), own]);
+            format!("{inspect} lists its radiance fields")
+        }
         "a JSON text" => {
             let asset = Asset::open(file, &Limits::default());
             let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
@@ -106,16 +120,12 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
                 None => OTHER_JSON.to_owned(),
             }
         }
-        _ if found == UNPACKED => format!(
-            "pack it first: mipvog-bake bake {shown} -o {}",
-            path.with_extension("mipvog").display()
-        ),
+        _ if found == UNPACKED => format!("pack it first: {}", of("bake", "mipvog")),
         // The verb took the file for what it is, and found the wrong tensors.
         _ if found != kind => return None,
-        _ if tensor::is_tensors(&file).is_ok_and(|is_tensors| is_tensors) => format!(
-            "if this is a trained scene, bake it first: mipvog-bake bake {shown} -o {}",
-            path.with_extension("mipvog").display()
-        ),
+        _ if tensor::is_tensors(&file).is_ok_and(|is_tensors| is_tensors) => {
+            format!("if this is a trained scene, bake it first: {}", of("bake", "mipvog"))
+        }
         _ if kind.contains("unpack it first") => format!("unpack {shown}, then name the result"),
         _ if kind.contains("Git LFS") => {
             format!("fetch the file that {shown} stands for: git lfs pull")

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::failure::{message, remedy};
+use super::layout::{columns, folded};
 use super::outcome::Outcome;
 use crate::base::error::Result;
 
@@ -33,7 +34,7 @@ pub fn for_each_file(
             }
             Err(error) => {
                 let said = message(&error);
-                text += &format!("{said}\n  help: {}\n", remedy(&error));
+                text += &(folded(&format!("{said}; {}", remedy(&error)), columns(), 4) + "\n");
                 failures.push(said.clone());
                 json!({ "error": said })
             }
@@ -47,6 +48,6 @@ pub fn for_each_file(
     let (count, failed) = (files.len(), failures.len());
     text += &format!("{count} files, {failed} failed\n");
     let outcome = Outcome::new(verb, &json!({ "files": reports, "failed": failed }), text)?;
-    let reason = || format!("{failed} of {count} files: {}", failures.join("; "));
+    let reason = || format!("{failed} of {count} files failed: {}", failures.join("; "));
     Ok(Outcome { failure: (failed > 0).then(reason), ..outcome })
 }

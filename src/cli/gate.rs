@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::bake::short_name;
 use super::cameras::CameraArguments;
 use super::common::Common;
 use super::compare::errors_text;
+use super::outcome::counted;
 use super::progress::Bar;
 use crate::base::error::{Error, Result};
 use crate::model::camera::Camera;
@@ -23,12 +25,12 @@ const SCALES: [usize; 4] = [1, 2, 4, 8];
 pub struct GateArguments {
     #[command(flatten, next_help_heading = "Cameras")]
     cameras: CameraArguments,
-    /// Write nothing and exit with 1 if the PSNR against the unbaked scene is below this, at full
-    /// size over the pixels of all cameras
+    /// Write nothing and exit with 1 if the PSNR in dB against the unbaked scene is below this; at
+    /// full size, over the pixels of all cameras
     #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_psnr: Option<f64>,
-    /// Write nothing and exit with 1 if the PSNR of fitted colours against the model's is below
-    /// this, along held-out directions
+    /// Write nothing and exit with 1 if the PSNR in dB of fitted colours is below this; against the
+    /// model's, in held-out directions
     #[arg(long, value_name = "DB", help_heading = "Quality gate")]
     require_view_psnr: Option<f64>,
 }
@@ -108,11 +110,14 @@ impl GateArguments {
 }
 
 impl GateReport {
-    /// For people.
-    pub fn text(&self) -> String {
-        let mut text = errors_text(&self.errors);
+    /// For people, of a container that was baked from `input`.
+    pub fn text(&self, input: &Path) -> String {
+        let input = short_name(input);
+        let frames = self.errors.first().map_or(0, |full| full.frames);
+        let mut text = format!("  against {input}, {}:\n", counted(frames, "picture"));
+        text += &errors_text(&self.errors);
         if let Some(least) = self.required_psnr.filter(|_| self.passed) {
-            text += &format!("  the gate is passed: at least {least} dB at full size\n");
+            text += &format!("  gate passed: at least {least} dB at full size, pooled\n");
         }
         text
     }

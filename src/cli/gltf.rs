@@ -6,7 +6,8 @@ use std::sync::Arc;
 use clap::{Args, value_parser};
 use serde::Serialize;
 
-use super::output::{create as create_output, refuse_stdout};
+use super::layout::grouped;
+use super::output::{create as create_output, digest, refuse_stdout};
 use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
@@ -18,8 +19,7 @@ use mipvog_outputs::gltf::mesh::{FEWEST_TRIANGLES, meshes};
 /// Kind of asset, and quality of the mesh for other viewers.
 #[derive(Debug, Args)]
 pub struct GltfArguments {
-    /// Also write a glTF asset, .glb or .gltf: the field, and a mesh for viewers without the
-    /// extension
+    /// Also write a glTF asset, .glb or .gltf; it has the field, and a mesh for other viewers
     #[arg(long, value_name = "OUT.glb|OUT.gltf")]
     gltf: Option<PathBuf>,
     /// Link a .glb to the container by URI instead of embedding it
@@ -41,6 +41,8 @@ pub struct GltfArguments {
 pub struct GltfReport {
     output: String,
     output_bytes: u64,
+    /// Of the asset, in hexadecimal digits.
+    sha256: String,
     embedded: bool,
     triangles: usize,
     vertices: usize,
@@ -104,6 +106,7 @@ impl GltfArguments {
         Ok(GltfReport {
             output: asset.to_string_lossy().into_owned(),
             output_bytes: output.length(),
+            sha256: digest(output.written())?,
             embedded: attached.embedded,
             triangles: meshes.first().map_or(0, |mesh| mesh.triangles.len()),
             vertices: meshes.first().map_or(0, |mesh| mesh.positions.len()),
@@ -122,6 +125,7 @@ impl GltfReport {
     pub fn text(&self) -> String {
         let bytes = super::outcome::readable(self.output_bytes);
         let container = if self.embedded { "the container" } else { "a link to the container" };
-        format!("{}: {bytes}, {container} and {} triangles\n", self.output, self.triangles)
+        let triangles = grouped(self.triangles as u64);
+        format!("  {}: {bytes}, {container} and {triangles} triangles\n", self.output)
     }
 }

@@ -8,10 +8,13 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::common::Common;
 use super::container_report::{ContainerReport, container_text};
 use super::files::for_each_file;
-
-use super::outcome::{Outcome, assumed, readable};
+use super::guess::input_path;
+use super::layout::{Table, columns, folded};
+use super::outcome::{Outcome, assumed, counted, readable};
+use super::shell;
 use super::stdin;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
@@ -21,7 +24,7 @@ use mipvog_inputs::Inspection;
 use mipvog_inputs::SourceOptions;
 use mipvog_outputs::gltf::asset::{Asset, Fields, is_asset};
 
-/// Show what containers, glTF assets and checkpoints contain, without decoding them
+/// Show what files contain, without decoding them
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -30,7 +33,7 @@ Examples:
   mipvog-bake inspect *.mipvog")]
 pub struct Arguments {
     /// Containers, glTF assets, or anything that can be baked; - means standard input
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required = true, value_name = "FILE", value_parser = input_path())]
     files: Vec<PathBuf>,
 }
 
@@ -57,27 +60,28 @@ struct FieldReport {
 }
 
 /// Inspects the files. Several ones are listed in one report, and those that fail are named.
-pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
-    for_each_file("inspect", &arguments.files, |path| inspect(path, limits))
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let (limits, verbose) = (common.limits(), common.verbose);
+    for_each_file("inspect", &arguments.files, |path| inspect(path, verbose, &limits))
 }
 
-fn inspect(shown: &Path, limits: &Limits) -> Result<Outcome> {
+fn inspect(shown: &Path, verbose: bool, limits: &Limits) -> Result<Outcome> {
     let path = &stdin::resolve(shown)?;
     let file = Arc::new(SourceFile::open(path)?);
     if is_container(&file) {
         let prefix = Container::read_prefix(file, limits)?;
         let mut report = ContainerReport::of(prefix.container())?;
         report.levels_missing = prefix.missing().collect();
-        return Outcome::new("inspect", &report, container_text(shown, &report));
+        return Outcome::new("inspect", &report, container_text(shown, &report, verbose));
     }
     if is_asset(&file) {
-        return asset(shown, &Asset::open(file, limits)?);
+        return asset(shown, &Asset::open(file, limits)?, verbose);
     }
     let inspection = mipvog_inputs::inspect(path, &SourceOptions::default(), limits)?;
-    Outcome::new("inspect", &inspection, checkpoint_text(shown, &inspection))
+    Outcome::new("inspect", &inspection, checkpoint_text(shown, &inspection, verbose))
 }
 
-fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
+fn asset(path: &Path, asset: &Asset, verbose: bool) -> Result<Outcome> {
     let root = asset.document()?.members()?;
     let fields = Fields::read(asset, &root)?;
     let mut report = AssetReport {
@@ -103,23 +107,23 @@ fn asset(path: &Path, asset: &Asset) -> Result<Outcome> {
     let mut text = format!("{}: {kind}, {bytes}, radiance fields: {count}\n", path.display());
     for field in &report.fields {
         let name = format!("field {} on nodes {:?}", field.field, field.nodes);
-        text += &container_text(Path::new(&name), &field.container);
+        text += &container_text(Path::new(&name), &field.container, verbose);
     }
     Outcome::new("inspect", &report, text)
 }
 
-fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
+fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> String {
     let mut text = String::new();
     let (kind, bytes) = (inspection.kind.name(), readable(inspection.file_bytes));
     writeln!(text, "{}: {kind}, {bytes}", path.display()).ok();
     let [model, optimizer, other] =
         [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes].map(readable);
-    writeln!(text, "  model {model}, optimizer {optimizer} (never read), other {other}").ok();
+    writeln!(text, "  scene {model}, optimizer {optimizer} (never read), other {other}").ok();
     if let Some(model) = &inspection.model {
         write!(text, "  {}", model.name()).ok();
         if let Some(scene) = &inspection.scene {
             let ([x, y, z], channels) = (scene.dimensions, scene.channels);
-            write!(text, ": {x} x {y} x {z} nodes, {channels} colour channels").ok();
+            write!(text, ": {x} x {y} x {z} voxels, {channels} colour channels").ok();
         }
         text.push('\n');
     }
@@ -127,25 +131,38 @@ fn checkpoint_text(path: &Path, inspection: &Inspection) -> String {
         writeln!(text, "  cannot be baked: {problem}").ok();
     }
     if inspection.scene.is_none() && inspection.problem.is_none() {
-        writeln!(text, "  an unpacked container: mipvog-bake bake packs it").ok();
+        let output = path.with_extension("mipvog");
+        let words = ["bake".as_ref(), path.as_os_str(), "-o".as_ref(), output.as_os_str()];
+        writeln!(text, "  an unpacked container; to pack it: {}", shell::command(words)).ok();
     }
     for assumption in &inspection.assumptions {
-        writeln!(text, "  note: {}", assumed(&assumption.message)).ok();
+        let line = format!("  note: {}", assumed(&assumption.message));
+        text += &(folded(&line, columns(), 4) + "\n");
     }
+    if !verbose {
+        let count = counted(inspection.values.len(), "entry").replace("entrys", "entries");
+        writeln!(text, "  {count}: -v lists them").ok();
+        return text;
+    }
+    let mut table = Table::new(["key", "type", "shape", "value"], 4);
+    // Two columns of a narrow terminal are the keys and the values.
+    let keys = inspection.values.iter().map(|listed| listed.key.chars().count());
+    let room = columns().saturating_sub(keys.max().unwrap_or(0) + 10).clamp(8, 48);
     for listed in &inspection.values {
-        let value = listed.value.as_ref().map(shortened).unwrap_or_default();
-        let shape = listed.shape.as_ref().map(|shape| format!("{shape:?}")).unwrap_or_default();
-        let dtype = listed.dtype.unwrap_or(listed.kind);
-        writeln!(text, "  {:44} {dtype} {shape} {value}", listed.key).ok();
+        table.add([
+            listed.key.clone(),
+            listed.dtype.unwrap_or(listed.kind).to_owned(),
+            listed.shape.as_ref().map(|shape| format!("{shape:?}")).unwrap_or_default(),
+            listed.value.as_ref().map(|value| shortened(value, room)).unwrap_or_default(),
+        ]);
     }
-    text
+    text + &table.text(columns())
 }
 
-/// A value in as many characters as a line of a terminal has left.
-fn shortened(value: &Value) -> String {
-    const CHARACTERS: usize = 48;
+/// A value in so many characters, and dots where it has more.
+fn shortened(value: &Value, characters: usize) -> String {
     let text = value.to_string();
-    match text.char_indices().nth(CHARACTERS) {
+    match text.char_indices().nth(characters) {
         Some((end, _)) => format!("{} ...", &text[..end]),
         None => text,
     }

@@ -35,6 +35,8 @@ struct Signals {
     works: AtomicUsize,
     /// True while an interrupt asks for the result so far.
     takes_result: AtomicBool,
+    /// True for a program that a signal ends as it should.
+    serves: AtomicBool,
 }
 
 fn signals() -> &'static Signals {
@@ -71,6 +73,11 @@ fn begin_watching() {
     }
 }
 
+/// From now on a signal is the end that the program waits for, and no error.
+pub fn serve() {
+    signals().serves.store(true, Ordering::Relaxed);
+}
+
 /// True if SIGHUP is not ignored, as it is below `nohup`; false where the system does not tell.
 fn heeds_hang_ups() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -97,6 +104,9 @@ fn guard(signals: &Signals) {
         remove_unfinished();
         if let Some(bar) = drawn().take() {
             bar.finish_and_clear();
+        }
+        if signals.serves.load(Ordering::Relaxed) {
+            std::process::exit(0);
         }
         let error = Error::cancelled();
         say(&format!("error: {error}\n  help: {}", error.remedy()));

@@ -1,12 +1,15 @@
 //! The report of a verb, and the ways to print it.
 
-use std::io::{ErrorKind as IoErrorKind, Write};
+use std::io::{ErrorKind as IoErrorKind, IsTerminal, Write};
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
 use serde::Serialize;
 
+use super::call::Failure;
 use super::common::{Common, Format};
+use super::error_report::ErrorReport;
+use super::layout::{folded, message_columns};
 use crate::base::error::{Error, Result};
 use crate::base::lock::{Locked, lock};
 
@@ -33,6 +36,15 @@ impl Outcome {
             json.extend(report);
         }
         Ok(Self { text, json: json.into(), sarif: None, failure: None })
+    }
+
+    /// With the warnings of the run, which are the reason of a failure where they are denied.
+    pub(super) fn with_warnings(mut self, common: &Common) -> Self {
+        if let serde_json::Value::Object(report) = &mut self.json {
+            report.insert("warnings".to_owned(), common.warnings.texts().into());
+            self.failure = self.failure.or_else(|| common.denied());
+        }
+        self
     }
 
     /// Of a verb that has already printed its report.
@@ -64,6 +76,20 @@ pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Resu
     write_stdout(text.as_bytes())
 }
 
+/// Prints an error as JSON, to stderr where stdout is an output file's.
+pub(super) fn print_failure(failure: &Failure, to_stderr: bool) {
+    let Ok(Outcome { json, .. }) = Outcome::new("error", &ErrorReport::of(failure), String::new())
+    else {
+        return;
+    };
+    let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
+    match to_stderr {
+        true => say(text.trim_end()),
+        // An error of the disk or the pipe that stdout is has been told on stderr.
+        false => drop(write_stdout(text.as_bytes())),
+    }
+}
+
 /// Writes to stdout. A closed pipe is no error: its reader has read enough.
 pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
@@ -79,10 +105,20 @@ pub(super) fn assumed(message: &str) -> String {
     message.replace("; option ", "; --")
 }
 
-/// A warning on stderr.
+/// A warning on stderr, and in the report.
 pub(super) fn warn(message: &str, common: &Common) {
-    if !common.quiet {
-        say(&format!("warning: {message}"));
+    if let Some(message) = common.warnings.add(message)
+        && !common.quiet
+    {
+        say(&folded_for_people(&format!("warning: {message}")));
+    }
+}
+
+/// A message whose lines fit the terminal that shows it. Programs get it as it is.
+pub(super) fn folded_for_people(message: &str) -> String {
+    match std::io::stderr().is_terminal() {
+        true => folded(message, message_columns(), 4),
+        false => message.to_owned(),
     }
 }
 

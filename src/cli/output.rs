@@ -3,14 +3,14 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use crate::base::bytes::{self, Output, remove_stale};
+use crate::base::bytes::{self, Output, SourceFile, hex, remove_stale, sha256};
 use crate::base::error::{Error, Place, Result};
 
 /// The name of the standard input or output.
 pub const STANDARD_STREAM: &str = "-";
 
 /// Arguments that name files to write. Every other argument that names a file is an input.
-pub const OUTPUTS: [&str; 4] = ["output", "gltf", "depfile", "results"];
+pub const OUTPUTS: [&str; 5] = ["output", "gltf", "depfile", "results", "junit"];
 
 /// The scheme of an address, such as `s3` of `s3://bucket/key`.
 fn scheme(path: &Path) -> Option<&str> {
@@ -66,6 +66,11 @@ pub fn refuse_unread_address(path: &Path) -> Result<()> {
             Err(Error::usage(message).in_file(&shown(path)))
         }
     }
+}
+
+/// SHA-256 of a file, in hexadecimal digits.
+pub fn digest(path: &Path) -> Result<String> {
+    Ok(hex(&sha256(&SourceFile::open(path)?)?))
 }
 
 /// Starts writing `path`, or to the standard output for `-`; an existing file is refused unless
@@ -124,10 +129,18 @@ pub fn create_container(path: &Path, force: bool) -> Result<Output> {
 pub fn check_container_name(path: &Path) -> Result<()> {
     let extension = path.extension().and_then(|extension| extension.to_str());
     match extension.filter(|extension| OTHER_KINDS.contains(extension)) {
-        Some(extension) => Err(Error::usage(format!(
-            "-o {}: this verb writes a container, .mipvog, and no .{extension}",
-            path.display()
-        ))),
+        Some(extension) => {
+            let shown = path.display();
+            let message =
+                format!("-o {shown}: this verb writes a .mipvog container, not .{extension}");
+            Err(Error::usage(message).advise(match extension {
+                "glb" | "gltf" => {
+                    format!("bake --gltf {shown} writes an asset beside the container")
+                }
+                "html" | "ply" | "vdb" => format!("bake to a .mipvog, then export it: -o {shown}"),
+                _ => "end the name in .mipvog".to_owned(),
+            }))
+        }
         None => Ok(()),
     }
 }

@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use super::common::Common;
 use super::field::FieldArguments;
+use super::guess::input_path;
 use super::outcome::{Outcome, counted, readable};
-use super::output::{STANDARD_STREAM, create as create_output};
+use super::output::{STANDARD_STREAM, create as create_output, digest};
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::stdin;
@@ -29,7 +30,7 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 /// Points whose colours a thread finds at once.
 const CHUNK: usize = 64;
 
-/// Compute the colours of given rays, and the values at given points
+/// Compute colours of rays and values at points
 ///
 /// The input file has float32 arrays `origins` and `directions`, n x 3; directions have unit length
 /// and point into the scene. With --positions it also has `positions`, m x 3, and
@@ -43,6 +44,7 @@ Examples:
   mipvog-bake probe fine_last.tar --rays rays.safetensors --positions -o values.safetensors")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked; - means standard input
+    #[arg(value_parser = input_path())]
     field: PathBuf,
     /// The file of rays, .safetensors or .npz
     #[arg(long, value_name = "FILE")]
@@ -80,6 +82,8 @@ pub(super) struct ProbeReport {
     rays_file: String,
     output: String,
     output_bytes: u64,
+    /// Of the output, in hexadecimal digits.
+    sha256: String,
     /// Wall-clock time of all.
     seconds: f64,
     rays: usize,
@@ -123,6 +127,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     output.append(&bytes)?;
     drop(bar);
     let written = output.length();
+    let sha256 = digest(output.written())?;
     output.finish()?;
     let (rays, positions) = (input.rays.len(), input.positions.len());
     let report = ProbeReport {
@@ -130,6 +135,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         rays_file: arguments.rays.to_string_lossy().into_owned(),
         output: arguments.output.to_string_lossy().into_owned(),
         output_bytes: written,
+        sha256,
         seconds: clock.elapsed().as_secs_f64(),
         rays,
         positions,

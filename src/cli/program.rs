@@ -4,32 +4,36 @@ use std::cell::RefCell;
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 
 use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::call::{Call, Failure};
 use super::common::{Common, Format, When};
 use super::failure::{exit_code, message, remedy};
+use super::guess::Mistaken;
 use super::inputs::guards;
-use super::manifest::{BatchOptions, OptionKind};
-use super::outcome::{Outcome, print, say};
+use super::manifest::{BatchOptions, OptionKind, SceneLine, SceneResult, Words};
+use super::outcome::{Outcome, folded_for_people, print, print_failure, say, write_stdout};
 use super::output::{OUTPUTS, STANDARD_STREAM, refuse_address, refuse_unread_address};
 use super::paint::{error_label, is_colored};
 use super::{
-    attach, bake, compare, detach, document, export, inspect, interrupt, manifest, open, probe,
-    render, report, stdin, sweep, transcode, unpack, validate, view,
+    attach, bake, compare, detach, document, export, guess, help, inspect, interrupt, manifest,
+    open, probe, render, report, shell, stdin, sweep, transcode, unpack, validate, view,
 };
 use crate::base::bytes::Guard;
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::parallel;
 use crate::base::text::printable;
 
 /// What opens a field, which is no verb.
 const OPEN: &str = "open";
 
-/// Bake trained radiance fields into small files that stream coarse to fine
+/// Bake trained radiance fields (Mip-VoG, DirectVoxGO, Plenoxels, ...) into small files
+///
+/// The files stream coarse to fine and look right at any distance.
 #[derive(Debug, Parser)]
-#[command(name = "mipvog-bake", version, about, max_term_width = 100)]
+#[command(name = "mipvog-bake", version, max_term_width = 100)]
 #[command(after_help = "\
 Examples:
   mipvog-bake bake fine_last.tar --stepsize 0.5 --near 2 --far 6 -o scene.mipvog
@@ -65,7 +69,7 @@ enum Verb {
     #[command(visible_alias = "serve")]
     View(view::Arguments),
     Completions(document::CompletionArguments),
-    /// Print the manual page of the program and of every verb
+    /// Print the manual page
     Man,
     /// Print the version
     Version,
@@ -81,14 +85,12 @@ pub fn main() -> ExitCode {
 /// [`main`] for a process whose command line is not the program's own. The first argument is the
 /// program's name.
 pub fn main_of(arguments: Vec<OsString>) -> u8 {
-    let (cli, matches) = match parse(arguments) {
+    if let Some(program) = arguments.first() {
+        shell::note_program(program);
+    }
+    let (cli, matches) = match parse(&arguments) {
         Ok(parsed) => parsed,
-        Err(error) => {
-            // Help and version are no errors; a closed pipe under them is none either.
-            let code = if error.use_stderr() { 2 } else { 0 };
-            error.print().ok();
-            return code;
-        }
+        Err(error) => return refuse(&error, &arguments),
     };
     let common = &cli.common;
     interrupt::watch();
@@ -98,16 +100,61 @@ pub fn main_of(arguments: Vec<OsString>) -> u8 {
         // The standard output holds the file then.
         print(&outcome, common, names.to_stdout)?;
         let Some(reason) = &outcome.failure else { return Ok(0) };
-        say(&format!("{} {reason}", error_label(is_colored(common.color))));
+        let label = error_label(is_colored(common.color));
+        say(&folded_for_people(&format!("{label} {reason}")));
         Ok(1)
     });
     let code = printed.unwrap_or_else(|error| {
-        let label = error_label(is_colored(common.color));
-        say(&format!("{label} {}\n  help: {}", printable(&message(&error)), remedy(&error)));
+        tell(&error, common);
+        if common.format == Format::Json {
+            print_failure(&Failure::of(&error), names.to_stdout);
+        }
         exit_code(error.kind())
     });
     stdin::remove_copy();
     code
+}
+
+/// Tells of an error on stderr.
+fn tell(error: &Error, common: &Common) {
+    let label = error_label(is_colored(common.color));
+    let said = folded_for_people(&format!("{label} {}", printable(&message(error))));
+    // Messages about options say what is expected.
+    let is_of_options = matches!(
+        error.kind(),
+        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } | ErrorKind::Cancelled
+    );
+    if is_of_options && error.advice().is_none() {
+        return say(&said);
+    }
+    let help = folded_for_people(&format!("  help: {}", printable(&remedy(error))));
+    say(&format!("{said}\n{help}"));
+}
+
+/// Tells of a command line that is none, and returns the exit code.
+fn refuse(error: &clap::Error, arguments: &[OsString]) -> u8 {
+    // Help and version are no errors; a closed pipe under them is none either.
+    if !error.use_stderr() {
+        error.print().ok();
+        return 0;
+    }
+    let mistaken = guess::mistaken(error, arguments, &Cli::command());
+    let failure = match &mistaken {
+        Some(Mistaken { message, help }) => Failure::of_mistake(message, help),
+        None => Failure::of_arguments(&error.to_string()),
+    };
+    match mistaken {
+        Some(Mistaken { message, help }) => {
+            let label = error_label(is_colored(color_of(arguments)));
+            let said = folded_for_people(&format!("{label} {message}"));
+            say(&format!("{said}\n{}", folded_for_people(&format!("  help: {help}"))));
+        }
+        None => drop(error.print()),
+    }
+    if is_asked(arguments, "--format", "json") {
+        print_failure(&failure, false);
+    }
+    failure.exit_code
 }
 
 /// Runs a verb for the program that holds this library: its arguments, an input that is no file, and
@@ -119,7 +166,7 @@ pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> 
     let name = OsString::from("mipvog-bake");
     let arguments = std::iter::once(name).chain(call.arguments);
     let parsed = Cli::command().color(ColorChoice::Never).try_get_matches_from(arguments);
-    let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
+    let parsed = parsed.and_then(|matches| Ok((Cli::settled(&matches)?, matches)));
     let (mut cli, matches) = parsed.map_err(|error| Failure::of_arguments(&error.to_string()))?;
     cli.common.watcher = call.watcher;
     if let (Verb::Bake(arguments), Some(input)) = (&mut cli.verb, call.input) {
@@ -146,26 +193,45 @@ pub fn option_names(verb: &str) -> Vec<(String, bool)> {
 }
 
 fn outcome(cli: &Cli, names: &FileNames) -> Result<Option<Outcome>> {
-    let _permit = cli.common.network_permit();
+    let common = &cli.common;
+    let _permit = common.network_permit();
     names.check()?;
-    parallel::with_threads(cli.common.threads.into(), || run(&cli.verb, &cli.common))?
+    let outcome = parallel::with_threads(common.threads.into(), || run(&cli.verb, common))??;
+    Ok(outcome.map(|outcome| outcome.with_warnings(common)))
 }
 
-fn parse(arguments: Vec<OsString>) -> std::result::Result<(Cli, ArgMatches), clap::Error> {
-    // Errors of parsing are coloured before `--color` is parsed.
-    let asked = |word: &str| {
-        let joined = format!("--color={word}");
-        let apart = |pair: &[OsString]| pair[0] == "--color" && pair[1] == *word;
-        arguments.iter().any(|argument| *argument == *joined) || arguments.windows(2).any(apart)
-    };
-    let when = match () {
-        () if asked("always") => When::Always,
-        () if asked("never") => When::Never,
+fn parse(arguments: &[OsString]) -> std::result::Result<(Cli, ArgMatches), clap::Error> {
+    let colored = is_colored(color_of(arguments));
+    let choice = if colored { ColorChoice::Always } else { ColorChoice::Never };
+    let matches = help::arrange(Cli::command()).color(choice).try_get_matches_from(arguments)?;
+    Ok((Cli::settled(&matches)?, matches))
+}
+
+/// The colours of messages about a command line that is not parsed.
+fn color_of(arguments: &[OsString]) -> When {
+    match () {
+        () if is_asked(arguments, "--color", "always") => When::Always,
+        () if is_asked(arguments, "--color", "never") => When::Never,
         () => When::Auto,
-    };
-    let choice = if is_colored(when) { ColorChoice::Always } else { ColorChoice::Never };
-    let matches = Cli::command().color(choice).try_get_matches_from(arguments)?;
-    Ok((Cli::from_arg_matches(&matches)?, matches))
+    }
+}
+
+/// True if words that may be no command line give this value to an option.
+fn is_asked(arguments: &[OsString], option: &str, value: &str) -> bool {
+    let joined = format!("{option}={value}");
+    let apart = |pair: &[OsString]| matches!(pair, [name, own] if name == option && own == value);
+    arguments.iter().any(|argument| *argument == *joined) || arguments.windows(2).any(apart)
+}
+
+impl Cli {
+    /// The arguments, with paths that folders stand for.
+    fn settled(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let mut cli = Self::from_arg_matches(matches)?;
+        if let Verb::Bake(arguments) = &mut cli.verb {
+            arguments.settle();
+        }
+        Ok(cli)
+    }
 }
 
 fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
@@ -174,6 +240,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
     }
     match verb {
         Verb::Bake(arguments) => match &arguments.many.manifest {
+            None if arguments.inputs.len() > 1 => bake_several(arguments, common).map(Some),
             None => bake::run(arguments, common).map(Some),
             Some(manifest) => {
                 let scene = |words| bake_scene(words, common);
@@ -191,8 +258,8 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
             }
         },
         Verb::Transcode(arguments) => transcode::run(arguments, common).map(Some),
-        Verb::Inspect(arguments) => inspect::run(arguments, &common.limits()).map(Some),
-        Verb::Validate(arguments) => validate::run(arguments, &common.limits()).map(Some),
+        Verb::Inspect(arguments) => inspect::run(arguments, common).map(Some),
+        Verb::Validate(arguments) => validate::run(arguments, common).map(Some),
         Verb::Unpack(arguments) => unpack::run(arguments, common).map(Some),
         Verb::Render(arguments) => render::run(arguments, common).map(Some),
         Verb::Compare(arguments) => compare::run(arguments, common).map(Some),
@@ -222,7 +289,7 @@ fn scene_arguments(
     command: &mut clap::Command,
 ) -> Result<(Box<bake::Arguments>, ArgMatches)> {
     let parsed = command.try_get_matches_from_mut(words);
-    let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
+    let parsed = parsed.and_then(|matches| Ok((Cli::settled(&matches)?, matches)));
     let (cli, matches) = parsed.map_err(|error| {
         let text = error.to_string();
         let reason = text.split("\n\n").next().unwrap_or_default();
@@ -244,6 +311,39 @@ fn bake_scene(words: Vec<OsString>, common: &Common) -> Result<Outcome> {
     let names = FileNames::of(&matches);
     names.check()?;
     bake::run(&arguments, common)
+}
+
+/// Bakes several inputs, one after another; one that fails does not stop the others.
+fn bake_several(arguments: &bake::Arguments, common: &Common) -> Result<Outcome> {
+    let outputs = arguments.outputs()?;
+    let known = bake_options();
+    let words = Words { given: &arguments.given, known: &known, outputs: Path::new("") };
+    let (count, mut failed) = (outputs.len(), 0);
+    for (input, output) in arguments.inputs.iter().zip(&outputs) {
+        let clock = Instant::now();
+        common.warnings.begin(&input.display().to_string());
+        let line = SceneLine::of(input, output)?;
+        let outcome = bake_scene(words.of(&line), common);
+        if let Err(error) = &outcome
+            && matches!(error.kind(), ErrorKind::Cancelled)
+        {
+            return outcome;
+        }
+        let result = SceneResult::of(&line, &outcome, clock.elapsed().as_secs_f64(), common);
+        failed += u64::from(result.is_failed());
+        match (common.format, &outcome) {
+            (Format::Text, Ok(outcome)) => {
+                print(outcome, common, false)?;
+                if let Some(reason) = &outcome.failure {
+                    say(&format!("{} {reason}", error_label(is_colored(common.color))));
+                }
+            }
+            (Format::Text, Err(error)) => tell(error, common),
+            _ => write_stdout(result.line()?.as_bytes())?,
+        }
+    }
+    let failure = format!("{failed} of {count} inputs could not be baked");
+    Ok(Outcome::reported((failed > 0).then_some(failure)))
 }
 
 /// The options of `bake`.

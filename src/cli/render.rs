@@ -1,6 +1,5 @@
 //! `render`.
 
-use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -12,7 +11,10 @@ use super::common::Common;
 use super::destination::Destination;
 use super::detail::{check_levels, parse_levels};
 use super::field::FieldArguments;
-use super::outcome::{Outcome, readable};
+use super::guess::input_path;
+use super::layout::{Table, columns, folded};
+use super::outcome::{Outcome, counted, readable};
+use super::output::digest;
 use super::pictures::{PictureOptions, Pictures};
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -24,7 +26,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, Statistics, render, tiles};
 
-/// Render a container or a trained scene with the reference renderer
+/// Render pictures or a film
 ///
 /// The name of the output decides its kind: a folder of pictures, one picture (.png, .exr), or a
 /// film (.gif, .webp; .mp4, .webm and .mov need ffmpeg). Without cameras, one picture of the whole
@@ -36,6 +38,7 @@ use crate::view::render::{FrameOptions, LevelChoice, Renderer, Statistics, rende
   mipvog-bake render scene.mipvog --cameras transforms.json --scales 1,2,4,8 --sheet -o pictures/")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked
+    #[arg(value_parser = input_path())]
     field: PathBuf,
     /// A folder, or a file: .png, .exr, .gif, .webp, .mp4, .webm, .mov
     #[arg(short, long, value_name = "OUT")]
@@ -43,7 +46,7 @@ pub struct Arguments {
     /// Transparent background
     #[arg(long)]
     alpha: bool,
-    /// Scales to render: full size, a half, a quarter and so on, with one ray per pixel
+    /// Scales to render: 1 is full size, 2 a half, 4 a quarter; one ray per pixel
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     scales: Vec<u16>,
@@ -103,6 +106,8 @@ struct FrameReport {
     height: usize,
     seconds: f64,
     files: Vec<String>,
+    /// SHA-256 of each of the files, in hexadecimal digits.
+    sha256: Vec<String>,
 }
 
 /// Renders.
@@ -133,7 +138,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         planned.iter().map(|(camera, scale)| tiles(&camera.lens.shrunk(*scale), supersample));
     bar.begin(Step::Render, work.sum());
     let options = FrameOptions { levels: arguments.level_of_detail, supersample };
-    let mut frames = Vec::new();
+    let (mut frames, mut written) = (Vec::new(), Vec::new());
     let mut statistics = Statistics::default();
     let clock = Instant::now();
     let mut rendering = 0.0;
@@ -146,19 +151,24 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         statistics += frame.statistics;
         let (width, height) = (frame.width, frame.height);
         let files = pictures.add(&camera.name, scale, frame)?;
-        let files = files.iter().map(|file| file.to_string_lossy().into_owned()).collect();
+        let names = files.iter().map(|file| file.to_string_lossy().into_owned()).collect();
+        written.push(files);
         frames.push(FrameReport {
             frame: camera.name.clone(),
             scale,
             width,
             height,
             seconds,
-            files,
+            files: names,
+            sha256: Vec::new(),
         });
     }
     bar.check()?;
     let output_bytes = pictures.finish()?;
     drop(bar);
+    for (frame, files) in frames.iter_mut().zip(&written) {
+        frame.sha256 = files.iter().map(|file| digest(file)).collect::<Result<_>>()?;
+    }
     let report = RenderReport {
         input: arguments.field.to_string_lossy().into_owned(),
         output: arguments.output.to_string_lossy().into_owned(),
@@ -173,7 +183,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         settings: Settings::of(field.view()),
         frames,
     };
-    Outcome::new("render", &report, report.text())
+    Outcome::new("render", &report, report.text(common))
 }
 
 impl Arguments {
@@ -197,25 +207,34 @@ impl Arguments {
 }
 
 impl RenderReport {
-    fn text(&self) -> String {
-        let names = self.frames.iter().map(|frame| frame.frame.len() + 6);
-        let width = names.max().unwrap_or(0).max(7);
-        let mut text = format!("  {:width$} {:>13} {:>9}\n", "picture", "pixels", "seconds");
-        for frame in &self.frames {
-            let FrameReport { frame, scale, width: w, height: h, seconds, .. } = frame;
-            let (name, pixels) = (format!("{frame}.s{scale}"), format!("{w} x {h}"));
-            writeln!(text, "  {name:width$} {pixels:>13} {seconds:>9.3}").ok();
+    fn text(&self, common: &Common) -> String {
+        let (output, bytes, seconds) = (&self.output, readable(self.output_bytes), self.seconds);
+        let mut sizes: Vec<String> =
+            self.frames.iter().map(|frame| format!("{} x {}", frame.width, frame.height)).collect();
+        sizes.dedup();
+        let count = counted(self.frames.len(), "picture");
+        let size = match &*sizes {
+            [size] => format!(" of {size}"),
+            _ => String::new(),
+        };
+        let line = format!("{output}: {count}{size}, {bytes} in {seconds:.2} s");
+        let mut text = folded(&line, columns(), 4) + "\n";
+        if common.verbose {
+            let mut table = Table::new(["picture", "pixels", "seconds"], 1);
+            for frame in &self.frames {
+                let FrameReport { frame, scale, width, height, seconds, .. } = frame;
+                let pixels = format!("{width} x {height}");
+                table.add([format!("{frame}.s{scale}"), pixels, format!("{seconds:.3}")]);
+            }
+            text += &table.text(columns());
+            let (rays, samples) = (self.rays_per_second, self.samples_per_ray);
+            let line = format!(
+                "  {rays:.0} rays per second, {samples:.1} samples per ray, {:.1} % of the samples \
+                 skipped in empty space",
+                100.0 * self.skipped_share
+            );
+            text += &(folded(&line, columns(), 4) + "\n");
         }
-        let bytes = readable(self.output_bytes);
-        writeln!(text, "{}: {bytes} in {:.2} s", self.output, self.seconds).ok();
-        let share = 100.0 * self.skipped_share;
-        let (rays, samples) = (self.rays_per_second, self.samples_per_ray);
-        writeln!(
-            text,
-            "{rays:.0} rays a second, {samples:.1} samples a ray, {share:.1} % of samples skipped \
-             in empty space"
-        )
-        .ok();
         text + &self.settings.text()
     }
 }

@@ -8,22 +8,32 @@ use clap::Args;
 use serde::Serialize;
 
 use super::failure::retry;
+use super::junit::junit;
+use super::layout::{columns, folded};
 use super::manifest::{Lines, SceneResult, Status};
 use super::outcome::{Outcome, counted, readable};
+use super::output::create;
+use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Place, Result};
 
-/// Merge the results of a batch: what was baked, what failed, and why
+/// Merge the results of a batch
 ///
 /// Files are read in order. If an output has several results, the last one counts, so pass the
 /// results of a retry after those of the first run. The exit code is 1 if a scene failed.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake report results-0.jsonl results-1.jsonl
-  mipvog-bake report results-*.jsonl --format json")]
+  mipvog-bake report results-*.jsonl --junit results.xml")]
 pub struct Arguments {
     /// Results of `bake --manifest`, or of `python -m mipvog_bake.ray`
     #[arg(required = true, value_name = "RESULTS.jsonl")]
     results: Vec<PathBuf>,
+    /// Also write the results as JUnit's XML, for CI systems
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
+    /// Overwrite the file of --junit if it exists
+    #[arg(long)]
+    force: bool,
 }
 
 /// Failures that the table for people shows.
@@ -66,6 +76,8 @@ pub(super) struct BatchReport {
 
 /// Merges results.
 pub fn run(arguments: &Arguments) -> Result<Outcome> {
+    let junit_file = arguments.junit.as_deref();
+    let mut junit_file = junit_file.map(|path| create(path, arguments.force)).transpose()?;
     let mut scenes: HashMap<String, (usize, SceneResult)> = HashMap::new();
     for path in &arguments.results {
         let mut lines = Lines::open(path)?;
@@ -83,6 +95,10 @@ pub fn run(arguments: &Arguments) -> Result<Outcome> {
     }
     let mut scenes: Vec<_> = scenes.into_values().collect();
     scenes.sort_unstable_by_key(|(place, _)| *place);
+    if let Some(file) = &mut junit_file {
+        file.append(junit(scenes.iter().map(|(_, scene)| scene)).as_bytes())?;
+    }
+    junit_file.map_or(Ok(()), Output::finish)?;
     let report =
         BatchReport::of(arguments.results.len(), scenes.into_iter().map(|(_, scene)| scene));
     let failure = (report.failed > 0)
@@ -124,8 +140,7 @@ impl BatchReport {
         let (bytes, seconds) = (readable(self.output_bytes), self.seconds);
         let Self { baked, current, failed, .. } = self;
         let mut text = format!(
-            "{scenes}: {baked} baked, {current} current, {failed} failed; {bytes}, {seconds:.1} s \
-             of work"
+            "{scenes}: {baked} baked, {current} unchanged, {failed} failed; {bytes}, {seconds:.1} s"
         );
         if let Some(psnr) = self.least_psnr {
             write!(text, ", at least {psnr:.2} dB").ok();
@@ -137,10 +152,11 @@ impl BatchReport {
             text.push('\n');
         }
         for Failure { output, exit_code, error, .. } in self.failures.iter().take(SHOWN) {
-            writeln!(text, "  {output}: exit code {exit_code}: {error}").ok();
+            let line = format!("  {output}: exit code {exit_code}: {error}");
+            text += &(folded(&line, columns(), 4) + "\n");
         }
         if let Some(more) = self.failures.len().checked_sub(SHOWN + 1) {
-            writeln!(text, "  and {} more: --format json tells of all", more + 1).ok();
+            writeln!(text, "  and {} more; --format json lists all", more + 1).ok();
         }
         text
     }

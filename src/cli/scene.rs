@@ -10,6 +10,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::layout::TIE;
 use super::output::STANDARD_STREAM;
 use super::values::{Background, parse_background, parse_mlp, parse_view};
 use crate::base::error::{Error, Result};
@@ -22,27 +23,29 @@ use mipvog_inputs::{SceneSettings, Source};
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Scene")]
 pub struct SceneArguments {
-    /// Step length in voxels [default: the container's; else from scene.toml, scene.json, the
+    /// Step length in voxels [default: the container's; else that of scene.toml, scene.json, the
     /// camera file or the checkpoint; else 0.5, with a warning]
     #[arg(long, value_name = "VOXELS")]
     pub stepsize: Option<f32>,
-    /// Largest weight at which a sample's colour is skipped [default: likewise, else 0.0001]
+    /// Skip the colour of samples whose weight is at most this, 0 to 1 [default: likewise; else
+    /// 0.0001]
     #[arg(long, value_name = "WEIGHT")]
     pub color_threshold: Option<f32>,
-    /// Smallest t at which sampling may start [default: likewise, else 0]
+    /// Distance along the camera's axis at which rays start [default: likewise; else 0]
     #[arg(long, value_name = "T")]
     pub near: Option<f32>,
-    /// Largest t at which sampling may start [default: likewise, else unlimited]
+    /// Farthest distance at which sampling may start; rays are not cut there [default: likewise;
+    /// else unlimited]
     #[arg(long, value_name = "T")]
     pub far: Option<f32>,
     /// Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
-    /// likewise, else white]
+    /// likewise; else white]
     #[arg(long, value_name = "COLOR", value_parser = parse_background)]
     pub background: Option<Background>,
-    /// The view network: auto (the checkpoint's), none, or a file
+    /// View network: auto (the checkpoint's), none, or a file
     #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
     pub mlp: MlpChoice,
-    /// The coarse checkpoint, for the free-space mask's threshold [default: beside the input]
+    /// Coarse checkpoint, which has the threshold of the free-space mask [default: beside the input]
     #[arg(long, value_name = "FILE")]
     pub coarse: Option<std::path::PathBuf>,
     /// Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
@@ -52,14 +55,13 @@ pub struct SceneArguments {
     /// View-dependent colour: keep, none, or sh:D for harmonics up to degree D, 0 to 3
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
-    /// Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
-    /// contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP
+    /// Keep only the inner box of an unbounded scene. Left out are Plenoxels' background spheres,
+    /// the contracted space of DirectVoxGO and MERF, and all beyond the unit cube of Instant-NGP
     #[arg(long)]
     pub drop_background: bool,
-    /// Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
-    /// torch-ngp) [default: 256], or along an edge of an unbounded scene's first box [default: as
-    /// many as the model has there]; cells along each axis of PeRFception's Plenoxels; for export,
-    /// cubic cells along the longest axis instead of nodes
+    /// Voxels along the longest axis of a model without a grid, such as Instant-NGP [default: 256;
+    /// for the first box of an unbounded scene, as many as the model has]. For PeRFception's
+    /// Plenoxels, cells along each axis
     #[arg(long, value_name = "N")]
     pub resolution: Option<usize>,
     /// How far the outermost box of an unbounded scene reaches, in half sides of its inner box
@@ -221,15 +223,18 @@ impl FoundSettings {
 pub fn settings_text(settings: &[SettingReport]) -> String {
     let shown = settings.iter().map(|SettingReport { name, value, from }| {
         let value = plain(value);
-        format!("{} {value} ({from})", name.replace('_', " "))
+        format!("{}{TIE}{value}{TIE}({from})", name.replace('_', "-"))
     });
-    format!("  {}\n", shown.collect::<Vec<_>>().join(", "))
+    format!("  {}", shown.collect::<Vec<_>>().join(", "))
 }
 
 /// A setting as its option takes it, without the digits that float32 does not have.
 fn plain(value: &Value) -> String {
     match value {
-        Value::Null => "without bound".to_owned(),
+        Value::Null => "unlimited".to_owned(),
+        Value::Array(values) if values.iter().all(|value| Some(value) == values.first()) => {
+            values.first().map_or_else(String::new, plain)
+        }
         Value::Array(values) => values.iter().map(plain).collect::<Vec<_>>().join(","),
         #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]
         value => value.as_f64().map_or_else(String::new, |number| (number as f32).to_string()),

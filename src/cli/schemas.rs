@@ -10,6 +10,7 @@ use super::bake::BakeJson;
 use super::compare::CompareReport;
 use super::container_report::ContainerReport;
 use super::detach::DetachReport;
+use super::error_report::ErrorReport;
 use super::export::ExportReport;
 use super::inspect::AssetReport;
 use super::manifest::SceneResult;
@@ -81,6 +82,7 @@ pub fn schemas() -> Vec<(&'static str, Value)> {
         ("bake", of_report::<BakeJson>("bake")),
         ("compare", of_report::<CompareReport>("compare")),
         ("detach", of_report::<DetachReport>("detach")),
+        ("error", of_error()),
         ("export", of_report::<ExportReport>("export")),
         ("inspect", of_files::<Inspected>("inspect")),
         ("probe", of_report::<ProbeReport>("probe")),
@@ -109,10 +111,19 @@ fn titled(schema: Schema, verb: &str) -> Value {
     value
 }
 
-/// Of a report, which states its schema first.
+/// Of a report, which states its schema first and its warnings last.
 fn of_report<T: JsonSchema>(verb: &str) -> Value {
     let mut value = titled(schema::<T>(), verb);
     state(&mut value, verb);
+    warn(&mut value);
+    closed(value)
+}
+
+/// Of an error, which any verb prints in place of its report.
+fn of_error() -> Value {
+    let mut value = titled(schema::<ErrorReport>(), "error");
+    value["title"] = "What a verb that failed prints with `--format json`".into();
+    state(&mut value, "error");
     closed(value)
 }
 
@@ -121,6 +132,7 @@ fn of_files<T: JsonSchema>(verb: &str) -> Value {
     let mut value = titled(schema::<Files<T>>(), verb);
     value["type"] = "object".into();
     state(&mut value, verb);
+    warn(&mut value);
     value["unevaluatedProperties"] = false.into();
     // Alternatives stand beside keys of the object that they are alternatives of.
     let mut open = Vec::new();
@@ -166,6 +178,13 @@ fn state(value: &mut Value, verb: &str) {
         Value::Array(required) => required.insert(0, "schema".into()),
         required => *required = json!(["schema"]),
     }
+}
+
+/// Adds the warnings to a report's keys. A report that is a file has none.
+fn warn(value: &mut Value) {
+    let description = "The warnings of the run.";
+    value["properties"]["warnings"] =
+        json!({ "type": "array", "items": { "type": "string" }, "description": description });
 }
 
 /// No object has other keys than its schema names.

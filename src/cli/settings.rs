@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use super::container_report::color_text;
+use super::layout::{TIE, columns, folded};
 use crate::model::field::March;
 use crate::view::render::View;
 
@@ -35,16 +37,11 @@ impl Settings {
 
     /// Each setting by its option, as the option takes it.
     pub fn values(&self) -> [(&'static str, String); 5] {
-        let [red, green, blue] = self.background;
-        let background = if red == green && green == blue {
-            red.to_string()
-        } else {
-            format!("{red},{green},{blue}")
-        };
+        let background = color_text(self.background);
         [
             ("--stepsize", self.stepsize.to_string()),
             ("--near", self.near.to_string()),
-            ("--far", self.far.map_or_else(|| "without bound".to_owned(), |far| far.to_string())),
+            ("--far", self.far.map_or_else(|| "unlimited".to_owned(), |far| far.to_string())),
             ("--background", background),
             ("--color-threshold", self.color_threshold.to_string()),
         ]
@@ -52,10 +49,9 @@ impl Settings {
 
     /// A line for people.
     pub fn text(&self) -> String {
-        let [(_, stepsize), (_, near), (_, far), (_, background), (_, threshold)] = self.values();
-        format!(
-            "settings: step length {stepsize} voxels, near {near}, far {far}, background \
-             {background}, colour threshold {threshold}\n"
-        )
+        let pairs = self
+            .values()
+            .map(|(option, value)| format!("{}{TIE}{value}", option.trim_start_matches('-')));
+        folded(&format!("  {}", pairs.join(", ")), columns(), 4) + "\n"
     }
 }

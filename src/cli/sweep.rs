@@ -8,10 +8,13 @@ use clap::{ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
 use super::detail::warn_of_figures;
+use super::guess::input_path;
+use super::layout::{Table, columns, folded};
 use super::outcome::{Outcome, assumed, counted, readable, warn};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
+use super::shell;
 use super::stored::argument;
 use super::values::by_name;
 use crate::bake::{BAKE_OPTIONS, Preset};
@@ -25,22 +28,21 @@ use crate::sweep::{
 };
 use mipvog_inputs::tensor;
 
-/// Bake with many settings, measure time, size and error, and plot the best ones
+/// Bake with many settings and plot the best ones
 ///
 /// Every combination of the given lists is baked; separate values with commas. By default, four bit
-/// depths are tried with three filters. Settings that an earlier sweep finished in the same folder,
-/// from the same input and cameras, are not baked again. If a setting fails, the others are still
-/// measured, and the exit code is 1.
+/// depths are tried with three filters, and eight pictures are taken from around the scene. Settings
+/// that an earlier sweep finished in the same folder, from the same input and cameras, are not baked
+/// again. If a setting fails, the others are still measured, and the exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  mipvog-bake sweep fine_last.tar --stepsize 0.5 --cameras transforms.json --frames 0,1 -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --size 400 --filter rate-tent --bits 6,8 -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --max-error 0.01,0.02 --preset web -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8,10 -o sweep/ --dry-run
-  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8 --threads 2 --shard 0/2 -o sweep/
-  mipvog-bake sweep fine_last.tar --turntable 4 --bits 6,8 --threads 2 --merge -o sweep/")]
+  mipvog-bake sweep fine_last.tar -o sweep/
+  mipvog-bake sweep fine_last.tar --cameras transforms.json --bits 6,8,10 -o sweep/
+  mipvog-bake sweep fine_last.tar --max-error 0.01,0.02 --preset web -o sweep/
+  mipvog-bake sweep fine_last.tar --bits 6,8 --shard 0/2 -o sweep/")]
 pub struct Arguments {
-    /// A checkpoint, or a .safetensors or .npz file of the same names
+    /// A trained model, as bake takes it
+    #[arg(value_parser = input_path())]
     input: PathBuf,
     /// Folder for the containers, their results, and sweep.html, sweep.csv and sweep.json
     #[arg(short, long, value_name = "DIR")]
@@ -51,7 +53,7 @@ pub struct Arguments {
     /// Presets to try in addition to the combinations
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = by_name::<Preset>())]
     preset: Vec<Preset>,
-    /// Scales to measure: full size, a half, a quarter and so on
+    /// Scales to measure: 1 is full size, 2 a half, 4 a quarter
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "1,2,4,8",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     scales: Vec<u16>,
@@ -136,7 +138,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     for assumption in &source.assumptions {
         warn(&assumed(&assumption.message), common);
     }
-    let cameras = arguments.cameras.cameras(&source.field.scene.bounds, common)?;
+    let cameras = match arguments.cameras.given() {
+        true => arguments.cameras.cameras(&source.field.scene.bounds, common)?,
+        false => arguments.cameras.around(&source.renderer(None, &limits)?, &bar)?,
+    };
     check_memory(&cameras, 1, &limits)?;
     for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);
@@ -183,40 +188,37 @@ impl Arguments {
     }
 
     fn text(&self, report: &SweepReport) -> String {
-        let names =
-            report.settings.iter().map(|setting| shown_name(&setting.name, setting.preset).len());
-        let width = names.max().unwrap_or(0);
-        let mut text = format!("  {:width$} {:>10} {:>10}", "setting", "size", "bake time");
-        for scale in &report.scales {
-            write!(text, " {:>9}  ", format!("1/{scale}, dB")).ok();
-        }
-        text = text.trim_end().to_owned() + "\n";
+        let scales = report.scales.iter().map(|scale| format!("1/{scale}, dB"));
+        let heads = ["setting", "size", "bake time"].map(str::to_owned);
+        let mut table = Table::new(heads.into_iter().chain(scales), 1);
         for setting in &report.settings {
-            text += &row(setting, width);
+            table.add(row(setting));
         }
-        let (resumed, all) = (
-            report.settings.iter().filter(|setting| setting.resumed).count(),
-            report.settings.len(),
+        let mut text = table.text(columns());
+        let mut add = |line: &str| text += &(folded(&format!("  {line}"), columns(), 4) + "\n");
+        add(
+            "* no other setting is both smaller and more accurate; + none is both faster and more \
+             accurate",
         );
-        let ([across, down], frames) = (report.size, report.frames.len());
-        writeln!(
-            text,
-            "dB: PSNR against the unbaked scene, mean over {frames} pictures of {across} x {down} \
-             pixels, whole and averaged down; time: median of {} bakes with {} threads\n\
-             * is on the front of size, + on that of time: no other setting is as good in both\n\
-             {resumed} of {all} settings were finished before; {}",
-            report.repeat,
-            report.threads,
-            match self.shard {
-                None => format!("{} has the plots", self.output.join("sweep.html").display()),
-                Some(_) => "--merge writes the plots of all shards".to_owned(),
+        let ([across, down], frames) = (report.size, counted(report.frames.len(), "picture"));
+        add(&format!("dB: PSNR against the unbaked scene, mean of {frames} of {across} x {down}"));
+        let resumed = report.settings.iter().filter(|setting| setting.resumed).count();
+        if resumed > 0 {
+            add(&format!("{resumed} of {} settings were finished before", report.settings.len()));
+        }
+        for setting in &report.settings {
+            if let Some(failure) = &setting.failure {
+                add(&format!("{} failed: {failure}", shown_name(&setting.name, setting.preset)));
             }
-        )
-        .ok();
-        let smallest = report.settings.iter().filter(|s| s.fronts.iter().any(|f| f.bytes));
-        if let Some(setting) = smallest.min_by_key(|setting| setting.output_bytes) {
+        }
+        match self.shard {
+            None => add(&format!("plots: {}", self.output.join("sweep.html").display())),
+            Some(_) => add("--merge writes the plots of all shards"),
+        }
+        if let Some(setting) = report.recommended() {
             let file = self.output.join(&setting.file);
-            writeln!(text, "look at one: mipvog-bake view {}", file.display()).ok();
+            let next = shell::command(["view".as_ref(), file.as_os_str()]);
+            writeln!(text, "  the best trade-off: {next}").ok();
         }
         text
     }
@@ -228,39 +230,44 @@ fn shown_name(name: &str, preset: Option<&str>) -> String {
 
 fn forecast_text(forecast: &SweepForecast) -> String {
     let SweepForecast { settings, repeat, .. } = forecast;
-    let names: Vec<String> =
-        settings.iter().map(|setting| shown_name(&setting.name, setting.preset)).collect();
-    let width = names.iter().map(String::len).max().unwrap_or(0);
-    let mut text = format!("  {:width$} {:>10} {:>10}\n", "setting", "size", "bake time");
-    for (setting, name) in settings.iter().zip(&names) {
-        let bytes = setting.output_bytes.map_or_else(|| "-".to_owned(), readable);
+    let mut table = Table::new(["setting", "size", "bake time", ""], 1);
+    for setting in settings {
         let seconds = setting.seconds.map(|seconds| format!("{seconds:.3} s"));
-        let seconds = seconds.unwrap_or_else(|| "-".to_owned());
         let note = match (&setting.failure, setting.resumed) {
-            (Some(failure), _) => format!("  failed: {failure}"),
-            (None, true) => "  finished before".to_owned(),
-            (None, false) => String::new(),
+            (Some(_), _) => "failed",
+            (None, true) => "finished before",
+            (None, false) => "",
         };
-        writeln!(text, "  {name:width$} {bytes:>10} {seconds:>10}{note}").ok();
+        table.add([
+            shown_name(&setting.name, setting.preset),
+            setting.output_bytes.map_or_else(|| "-".to_owned(), readable),
+            seconds.unwrap_or_else(|| "-".to_owned()),
+            note.to_owned(),
+        ]);
+    }
+    let mut text = table.text(columns());
+    for setting in settings {
+        if let Some(failure) = &setting.failure {
+            let line = format!("  {} failed: {failure}", setting.name);
+            text += &(folded(&line, columns(), 4) + "\n");
+        }
     }
     let (count, bytes) = (counted(settings.len(), "setting"), readable(forecast.output_bytes));
     let time = match forecast.seconds {
-        Some(seconds) => format!("about {seconds:.1} s of bakes, {repeat} of each setting"),
-        None => "an unknown time, for a fit ends where nothing is gained any more".to_owned(),
+        Some(seconds) => format!("{seconds:.1} s of bakes, {repeat} of each setting"),
+        None => "an unknown time, because a fit ends when nothing is gained any more".to_owned(),
     };
-    writeln!(text, "{count}: about {bytes} in {time}; pictures take more").ok();
-    text
+    let line = format!("  {count}: about {bytes} in {time}; rendering takes longer");
+    text + &folded(&line, columns(), 4) + "\n"
 }
 
-fn row(setting: &SettingReport, width: usize) -> String {
+/// The cells of a setting.
+fn row(setting: &SettingReport) -> Vec<String> {
     let name = shown_name(&setting.name, setting.preset);
     let (Some(bytes), Some(seconds)) = (setting.output_bytes, setting.seconds) else {
-        let failure = setting.failure.as_deref().unwrap_or_default();
-        return format!("  {name:width$} failed: {failure}\n");
+        return vec![name, "failed".to_owned()];
     };
-    let mut text = format!("  {name:width$} {:>10} {seconds:>8.3} s", readable(bytes));
-    for (errors, fronts) in setting.errors.iter().zip(&setting.fronts) {
-        write!(text, " {:>9.2}{:2}", errors.psnr, fronts.marks()).ok();
-    }
-    text.trim_end().to_owned() + "\n"
+    let errors = setting.errors.iter().zip(&setting.fronts);
+    let errors = errors.map(|(errors, fronts)| format!("{:.2} {:2}", errors.psnr, fronts.marks()));
+    [name, readable(bytes), format!("{seconds:.3} s")].into_iter().chain(errors).collect()
 }

@@ -9,7 +9,7 @@ use super::bake::{Baked, Work};
 use super::common::Common;
 use super::field::{FieldArguments, wrong_kind};
 use super::outcome::Outcome;
-use super::output::create_container;
+use super::output::{create_container, digest};
 use super::progress::Bar;
 use super::values::{by_name, parse_box};
 use super::view_report::ViewReport;
@@ -20,7 +20,9 @@ use crate::model::grid::Bounds;
 use crate::quantize::Bits;
 use crate::unpacked::Unpacked;
 
-/// Change a container without the checkpoint: other bits, fewer levels, a part of the scene
+/// Make a container smaller, or cut it
+///
+/// The checkpoint is not needed.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -28,25 +30,24 @@ Examples:
   mipvog-bake transcode scene.mipvog -o far.mipvog --without-finest 1
   mipvog-bake transcode scene.mipvog -o clean.mipvog --drop-islands 100")]
 pub struct Arguments {
-    /// The container, or a glTF asset with one; - means standard input
+    /// Container, or a glTF asset with one; - means standard input
     file: PathBuf,
-    /// The container to write; - means standard output
+    /// Container to write; - means standard output
     #[arg(short, long, value_name = "OUT.mipvog")]
     output: PathBuf,
     /// Overwrite the output if it exists
     #[arg(long)]
     force: bool,
-    /// Remove everything outside this box, in world coordinates, widened to nodes of level 0 or of
-    /// the free-space mask if there is one
+    /// Remove everything outside this box, in world coordinates; it is widened to whole voxels
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true,
           value_parser = parse_box)]
     crop: Option<Bounds>,
-    /// Remove floaters: connected parts of level 0 with fewer visible nodes than this
-    #[arg(long, value_name = "NODES")]
+    /// Remove floaters: connected parts with fewer visible voxels than this
+    #[arg(long, value_name = "VOXELS")]
     drop_islands: Option<u64>,
     #[command(flatten)]
     which: FieldArguments,
-    /// Number of finest levels to drop; the next one becomes level 0
+    /// Number of finest levels to drop
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Levels")]
     without_finest: usize,
     /// Maximum number of levels to keep; the coarsest are dropped [default: all]
@@ -56,12 +57,12 @@ pub struct Arguments {
     #[arg(long, value_name = "BITS", value_parser = by_name::<Bits>(),
           help_heading = "Size and error")]
     bits: Option<Bits>,
-    /// Instead of --bits: the largest error relative to the container's values, with the syntax of
-    /// `bake`; values that already have no more bits are not changed
+    /// Largest error relative to the container's values, as `bake --max-error`; values that already
+    /// have no more bits are not changed. Replaces --bits
     #[arg(long, value_name = "ERROR", conflicts_with = "bits", help_heading = "Size and error")]
     max_error: Option<MaxErrors>,
-    /// Instead of --bits or --max-error: the best quality that fits into this size, such as 3MB or
-    /// 500KiB; if even the largest error does not fit, finest levels are dropped
+    /// Largest size of the output, such as 3MB or 500KiB; the best quality that fits is chosen, and
+    /// the finest levels are dropped if nothing fits. Replaces --bits and --max-error
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes,
           conflicts_with_all = ["bits", "max_error"], help_heading = "Size and error")]
     max_bytes: Option<u64>,
@@ -97,6 +98,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let report = repack(&unpacked, &changes, &limits, &mut output, &bar);
     let report = report.map_err(|error| error.in_file(&arguments.file))?;
     drop(bar);
+    let sha256 = Some(digest(output.written())?);
     output.finish()?;
     let inputs = vec![arguments.file.clone()];
     let resolved = changes.to_json();
@@ -108,6 +110,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         input_bytes: container.file().length(),
         seconds: clock.elapsed().as_secs_f64(),
         bytes_read: container.file().bytes_read(),
+        sha256,
     };
     baked.outcome("transcode", &work, None, common)
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::common::Common;
 use super::field::{FieldArguments, wrong_kind};
 use super::outcome::{Outcome, counted, readable};
-use super::output::{STANDARD_STREAM, create as create_output};
+use super::output::{STANDARD_STREAM, create as create_output, digest};
 use super::progress::Bar;
 use crate::base::bytes::{ByteSink, remove_stale};
 use crate::base::error::{Error, Result};
@@ -60,6 +60,9 @@ pub(super) struct UnpackReport {
     /// Left out for a folder of slices.
     #[serde(skip_serializing_if = "Option::is_none")]
     output_bytes: Option<u64>,
+    /// Of the file, in hexadecimal digits; left out for a folder of slices.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sha256: Option<String>,
     levels: usize,
 }
 
@@ -84,8 +87,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         };
         remove_stale(output);
         write_slices(&container, levels, format, output, arguments.force).map_err(in_file)?;
-        let output_bytes = None;
-        let report = UnpackReport { input, output: shown, output_bytes, levels: count };
+        let (output_bytes, sha256) = (None, None);
+        let report = UnpackReport { input, output: shown, output_bytes, sha256, levels: count };
         let text = format!("{}: slices of {}\n", output.display(), counted(count, "level"));
         return Outcome::new("unpack", &report, text);
     }
@@ -96,8 +99,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     write_tensors(&container, levels, format, &mut tensors, &bar).map_err(in_file)?;
     drop(bar);
     let bytes = tensors.length();
+    let sha256 = Some(digest(tensors.written())?);
     tensors.finish()?;
-    let report = UnpackReport { input, output: shown, output_bytes: Some(bytes), levels: count };
+    let output_bytes = Some(bytes);
+    let report = UnpackReport { input, output: shown, output_bytes, sha256, levels: count };
     let (levels, bytes) = (counted(count, "level"), readable(bytes));
     let text = format!("{}: {levels}, {bytes}\n", output.display());
     Outcome::new("unpack", &report, text)

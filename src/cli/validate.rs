@@ -1,15 +1,17 @@
 //! `validate`.
 
 use std::cell::RefCell;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::Value;
 
+use super::common::{Common, Format};
 use super::failure::message;
 use super::files::for_each_file;
-use super::outcome::{Outcome, counted};
+use super::guess::input_path;
+use super::layout::{columns, folded, grouped};
+use super::outcome::{Outcome, assumed, counted};
 use super::scene::SceneArguments;
 use super::stdin;
 use crate::base::bytes::SourceFile;
@@ -31,7 +33,7 @@ The exit code is 1 if a finding is an error, with --quiet too.")]
 pub struct Arguments {
     /// Containers, glTF assets with radiance fields, or anything that can be baked; - means
     /// standard input
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required = true, value_name = "FILE", value_parser = input_path())]
     files: Vec<PathBuf>,
     /// Maximum findings to list per file (0: none); the rest are counted
     #[arg(long, value_name = "N", default_value_t = CheckOptions::default().max_findings)]
@@ -41,11 +43,14 @@ pub struct Arguments {
 }
 
 /// Validates the files.
-pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
+pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
+    let limits = &common.limits();
+    // Findings that are printed are not told again.
+    let is_listed = common.format == Format::Text && !common.quiet;
     let several = arguments.files.len() > 1;
     let validated = RefCell::new(Vec::new());
     let mut outcome = for_each_file("validate", &arguments.files, |path| {
-        let found = arguments.validate(path, limits);
+        let found = arguments.validate(path, is_listed, limits);
         let (outcome, report) = match found {
             Ok((outcome, report)) => (Ok(outcome), Ok(report)),
             Err(error) => {
@@ -64,7 +69,12 @@ pub fn run(arguments: &Arguments, limits: &Limits) -> Result<Outcome> {
 }
 
 impl Arguments {
-    fn validate(&self, shown: &Path, limits: &Limits) -> Result<(Outcome, Report)> {
+    fn validate(
+        &self,
+        shown: &Path,
+        is_listed: bool,
+        limits: &Limits,
+    ) -> Result<(Outcome, Report)> {
         let path = stdin::resolve(shown)?;
         let source = match is_tensors(&SourceFile::open(&path)?)? {
             true => self.scene.settings(&path, None, limits)?.options,
@@ -75,7 +85,7 @@ impl Arguments {
         let errors = counted(report.errors, "error");
         let failure = (!report.valid).then(|| {
             let first = report.findings.iter().find(|found| found.severity == Severity::Error);
-            let first = first.map_or_else(String::new, |first| {
+            let first = first.filter(|_| !is_listed).map_or_else(String::new, |first| {
                 format!(", the first at {}: {}", first.place, first.message)
             });
             format!("{}: not valid: {errors}{first}", shown.display())
@@ -85,27 +95,32 @@ impl Arguments {
     }
 }
 
+/// A line for each finding, which names the file, the code and the place; then the verdict.
 fn text(path: &Path, report: &Report) -> String {
-    let mut text = String::new();
+    let (mut text, name) = (String::new(), path.display());
+    let mut add = |line: &str| text += &(folded(line, columns(), 4) + "\n");
     for finding in &report.findings {
-        let severity = format!("{:?}", finding.severity).to_lowercase();
         let (code, place) = (finding.code.name(), &finding.place);
-        writeln!(text, "{severity} [{code}] {place}: {}", finding.message).ok();
-        writeln!(text, "  help: {}", finding.remedy).ok();
+        let severity = match finding.severity {
+            Severity::Error => String::new(),
+            other => format!("{other:?}: ").to_lowercase(),
+        };
+        let (message, remedy) = (assumed(&finding.message), &finding.remedy);
+        add(&format!("{name}: {code}: {severity}{place}: {message}; {remedy}"));
     }
     if report.unlisted > 0 {
         let findings = counted(report.unlisted, "finding");
-        writeln!(text, "truncated: {findings} not listed").ok();
+        add(&format!("{name}: {findings} more, which --max-findings leaves out"));
     }
     if let Some(health) = &report.health {
         let empty = 100.0 * health.empty_share;
-        writeln!(text, "{} nodes, {empty:.1} % of them empty", health.nodes).ok();
+        add(&format!("{name}: {} voxels, {empty:.1} % empty", grouped(health.nodes)));
         for channel in &health.channels {
             let Some([low, high]) = channel.range else { continue };
-            writeln!(text, "{}: {low} to {high}", channel.name).ok();
+            add(&format!("  {}: {low} to {high}", channel.name));
         }
     }
     let verdict = if report.valid { "valid" } else { "not valid" };
-    writeln!(text, "{}: {verdict}", path.display()).ok();
+    add(&format!("{name}: {verdict}"));
     text
 }

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::common::{Common, Format};
 use super::field::warn_of_missing;
+use super::interrupt;
 use super::outcome::{Outcome, print, say, warn, write_stdout};
 use super::stdin::{self, named};
 use crate::base::bytes::SourceFile;
@@ -18,7 +19,7 @@ use crate::serve::{Kind, Server, Site};
 use mipvog_outputs::gltf::asset::Asset;
 use mipvog_outputs::gltf::attach::companions;
 
-/// Open a container or an asset in the browser, and serve it to this machine
+/// Show a container or an asset in the browser
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -78,19 +79,18 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         warn(message, common);
     }
     // Told before the work, which has no end. The address is what the verb is for: --quiet keeps it.
-    let outcome = Outcome::new("view", &report, format!("{url}\n"))?;
+    let outcome = Outcome::new("view", &report, format!("{url}\n"))?.with_warnings(common);
     match common.format {
         Format::Text => write_stdout(outcome.text.as_bytes())?,
         _ => print(&outcome, common, false)?,
     }
-    if !arguments.no_open
-        && let Err(error) = open::that_detached(&url)
-    {
-        warn(&format!("no browser could be started ({error}): open {url} yourself"), common);
+    if !arguments.no_open && open::that_detached(&url).is_err() {
+        warn(&format!("no browser was found: open {url} yourself"), common);
     }
     if !common.quiet {
         say("serving until Ctrl-C");
     }
+    interrupt::serve();
     server.run();
     Ok(())
 }

@@ -134,18 +134,14 @@ impl ViewReport {
     }
 
     /// For people; empty where nothing was measured.
-    pub fn text(&self) -> String {
-        let Some(degree) = self.degree else { return String::new() };
-        let mut text = String::new();
-        if let Some(psnr) = self.held_out_psnr {
-            text += &format!(
-                "  colours were fitted with harmonics of degree {degree}: {psnr:.2} dB along \
-                 directions that no fit has seen\n"
-            );
-        }
-        if let Some(share) = self.clamped_share {
-            text += &format!("  {:.2} % of the visible colour is limited at 0\n", 100.0 * share);
-        }
-        text
+    pub fn lines(&self) -> Vec<String> {
+        let Some(degree) = self.degree else { return Vec::new() };
+        let fitted = self.held_out_psnr.map(|psnr| {
+            format!("  colours fitted by harmonics of degree {degree}: {psnr:.2} dB in held-out directions")
+        });
+        let clamped = self
+            .clamped_share
+            .map(|share| format!("  {:.2} % of the visible colour is clamped at 0", 100.0 * share));
+        fitted.into_iter().chain(clamped).collect()
     }
 }

@@ -1,7 +1,7 @@
 //! Text inside HTML and SVG, in elements and in attributes.
 
-/// The text with letters that have a meaning in HTML as entities.
-pub(super) fn escaped(text: &str) -> String {
+/// The text with letters that have a meaning in HTML and XML as entities.
+pub fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     text.replace('"', "&quot;").replace('\'', "&#39;")
 }

@@ -32,6 +32,7 @@ mod report;
 mod run;
 mod setting;
 
+pub use escape::escaped;
 pub use forecast::{SettingForecast, SweepForecast, forecast_sweep};
 pub use options::{Share, SweepOptions};
 pub use pareto::{Point, front};

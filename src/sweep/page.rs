@@ -23,13 +23,14 @@ pub(super) fn page(report: &SweepReport) -> String {
         html,
         "<p>Settings: {}. Cameras: {}, of {width} x {height} pixels. Each setting is compared with \
          the unbaked scene. Times are the median of {} bakes, with {} threads.</p>\n\
-         <p>Numbers at the points are those of the table. Lines go through the Pareto fronts: no \
-         other setting is at most as large (or as slow), at least as close, and better in one of \
-         the two.</p>",
+         <p>Numbers at the points are those of the table. The lines are Pareto fronts: no other \
+         setting is both smaller (or faster) and more accurate than one on the line. The best \
+         trade-off is number {}: beyond it, more bytes gain less.</p>",
         report.settings.len(),
         report.frames.len(),
         report.repeat,
         report.threads,
+        report.recommended_row().map_or_else(|| "-".to_owned(), |row| (row + 1).to_string()),
     )
     .ok();
     for (number, scale) in report.scales.iter().enumerate() {
@@ -77,8 +78,8 @@ fn points(report: &SweepReport, scale: usize, cost: &Cost) -> Vec<PlotPoint> {
 
 fn table(report: &SweepReport) -> String {
     let mut html = String::from(
-        "<h2>All settings</h2>\n<p>PSNR in dB at each scale; * is on the front of size, + on that of \
-         time.</p>\n<table>\n<thead><tr><th>#</th><th>setting</th><th>size, MB</th>\
+        "<h2>All settings</h2>\n<p>PSNR in dB at each scale; * no other setting is both smaller and \
+         more accurate, + none is both faster and more accurate.</p>\n<table>\n<thead><tr><th>#</th><th>setting</th><th>size, MB</th>\
          <th>time, s</th><th>levels</th>",
     );
     for scale in &report.scales {
@@ -87,7 +88,12 @@ fn table(report: &SweepReport) -> String {
     html += "</tr></thead>\n<tbody>\n";
     for (index, setting) in report.settings.iter().enumerate() {
         let preset = setting.preset.map_or_else(String::new, |preset| format!(" ({preset})"));
-        let name = escaped(&setting.name) + &preset;
+        // A container lies beside the page, unless its bake failed.
+        let (name, file) = (escaped(&setting.name), escaped(&setting.file));
+        let name = match &setting.failure {
+            None => format!("<a href=\"{file}\">{name}</a>{preset}"),
+            Some(_) => name + &preset,
+        };
         write!(html, "<tr><td>{}</td><td>{name}</td>", index + 1).ok();
         if let Some(failure) = &setting.failure {
             let (columns, failure) = (report.scales.len() + 3, escaped(failure));

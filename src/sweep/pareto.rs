@@ -33,3 +33,50 @@ pub fn front(points: &[Point]) -> Vec<bool> {
     }
     on_front
 }
+
+/// PSNR of pictures that differ by no more than the rounding to 8 bits does.
+const ROUNDING: f64 = 58.9;
+
+/// The knee of a front, from its points: the one that is farthest above the line between the
+/// cheapest and the best, in decibels over the logarithm of the cost. Errors below the rounding of
+/// pictures do not count. Of two points it is the better one.
+pub fn knee(points: &[Point]) -> Option<usize> {
+    let quality = |point: &Point| point.quality.min(ROUNDING);
+    let cheapest = points.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    let order =
+        |a: &&Point, b: &&Point| quality(a).total_cmp(&quality(b)).then(b.cost.total_cmp(&a.cost));
+    let best = points.iter().max_by(order)?;
+    let span = libm::log2(best.cost / cheapest.cost);
+    let height = |point: &Point| match span > 0.0 {
+        true => {
+            let along = libm::log2(point.cost / cheapest.cost) / span;
+            quality(point) - (quality(cheapest) + along * (quality(best) - quality(cheapest)))
+        }
+        false => 0.0,
+    };
+    let order = |(_, a): &(usize, &Point), (_, b): &(usize, &Point)| {
+        let height = height(a).total_cmp(&height(b));
+        height.then(quality(a).total_cmp(&quality(b))).then(b.cost.total_cmp(&a.cost))
+    };
+    points.iter().enumerate().max_by(order).map(|(index, _)| index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_knee_is_where_more_bytes_gain_less() {
+        let points = |values: &[(f64, f64)]| {
+            let points = values.iter().map(|&(cost, quality)| Point { cost, quality });
+            knee(&points.collect::<Vec<_>>())
+        };
+        assert_eq!(points(&[(1.0, 30.0), (2.0, 45.0), (4.0, 47.0), (8.0, 48.0)]), Some(1));
+        assert_eq!(points(&[(8.0, 48.0), (1.0, 30.0)]), Some(0));
+        // More than a picture of 8 bits can show is worth nothing.
+        assert_eq!(points(&[(0.43, 46.9), (0.65, 59.2), (0.95, 71.3)]), Some(1));
+        assert_eq!(points(&[(0.65, 59.2), (0.95, 71.3)]), Some(0));
+        assert_eq!(points(&[(1.0, 30.0)]), Some(0));
+        assert_eq!(points(&[]), None);
+    }
+}

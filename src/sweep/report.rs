@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::pareto::{Point, front};
+use super::pareto::{Point, front, knee};
 use super::setting::Setting;
 use crate::bake::Preset;
 use crate::view::compare::ScaleErrors;
@@ -69,6 +69,8 @@ pub struct SettingReport {
     pub resumed: bool,
     /// Bytes of the container; null where it failed, as all that follows.
     pub output_bytes: Option<u64>,
+    /// SHA-256 of the container, in hexadecimal digits.
+    pub sha256: Option<String>,
     /// Wall-clock time of one bake, the median.
     pub seconds: Option<f64>,
     /// Levels of the container.
@@ -103,6 +105,24 @@ pub struct SweepReport {
     pub settings: Vec<SettingReport>,
 }
 
+impl SweepReport {
+    /// The setting with the best trade-off of size and error at full size.
+    pub fn recommended(&self) -> Option<&SettingReport> {
+        self.settings.get(self.recommended_row()?)
+    }
+
+    /// Its place among the settings.
+    pub(super) fn recommended_row(&self) -> Option<usize> {
+        let points = self.settings.iter().enumerate().filter_map(|(row, setting)| {
+            let (errors, fronts) = (setting.errors.first()?, setting.fronts.first()?);
+            let bytes = setting.output_bytes.filter(|_| fronts.bytes)?;
+            Some((row, Point { cost: bytes as f64, quality: errors.psnr }))
+        });
+        let (rows, points): (Vec<_>, Vec<_>) = points.unzip();
+        rows.get(knee(&points)?).copied()
+    }
+}
+
 impl SettingReport {
     /// Of a result or a failure; its flags for the fronts are not known yet.
     pub(super) fn new(setting: &Setting, resumed: bool, result: Outcome) -> Self {
@@ -117,6 +137,7 @@ impl SettingReport {
             options: setting.options.to_json(),
             resumed,
             output_bytes: result.as_ref().map(|result| result.output_bytes),
+            sha256: None,
             seconds: result.as_ref().map(|result| result.seconds),
             levels: result.as_ref().map(|result| result.levels),
             errors: result.map(|result| result.errors).unwrap_or_default(),

@@ -9,7 +9,7 @@ use super::record::{self, Basis, SettingRecord};
 use super::report::{Outcome, SCHEMA, SettingReport, SweepReport, mark_fronts};
 use super::setting::Setting;
 use super::{csv, page};
-use crate::base::bytes::Provisional;
+use crate::base::bytes::{Provisional, SourceFile, hex, sha256};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
@@ -45,6 +45,10 @@ pub fn sweep(
     let mut settings: Vec<SettingReport> = settings
         .map(|(setting, (resumed, result))| SettingReport::new(setting, resumed, result))
         .collect();
+    for setting in settings.iter_mut().filter(|setting| setting.failure.is_none()) {
+        let container = SourceFile::open(&folder.join(&setting.file))?;
+        setting.sha256 = Some(hex(&sha256(&container)?));
+    }
     mark_fronts(&mut settings, &options.scales);
     let name = source.file.path().file_name().unwrap_or_default();
     let report = SweepReport {

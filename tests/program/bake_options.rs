@@ -118,7 +118,7 @@ fn an_error_instead_of_bits_is_kept_and_told() {
     assert!(lossy["output_bytes"].as_u64() < usual["output_bytes"].as_u64());
 
     // People see the same with three digits, none too few.
-    let text = run(here, &["inspect", "b.mipvog"]);
+    let text = run(here, &["inspect", "b.mipvog", "-v"]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     let cells: Vec<&str> = text.split(" bit ").skip(1).collect();
     assert_eq!(cells.len(), groups(&usual).len(), "{text}");

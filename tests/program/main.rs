@@ -22,12 +22,14 @@ mod containers;
 mod figures;
 mod forecast;
 mod gltf;
+mod guesses;
 mod incremental;
 mod manifest;
 #[cfg(unix)]
 mod manual;
 mod models;
 mod probe;
+mod reading;
 mod remote;
 mod render_cli;
 mod second_reader;

@@ -111,11 +111,19 @@ fn shards_bake_every_scene_once_and_go_on_after_a_failure() {
     );
     assert_eq!(report["failures"][0]["output"], "3/scene.mipvog");
     assert_eq!(report["failures"][0]["retry"], "no");
+    let output = run(here, &["report", files[0], files[1], "--junit", "results.xml"]);
+    assert_eq!(code(&output), 1, "{}", words(&output));
+    let xml = std::fs::read_to_string(here.join("results.xml")).expect("written");
+    assert!(xml.contains("<testsuite name=\"mipvog-bake\" tests=\"6\" failures=\"1\""), "{xml}");
+    assert_eq!(xml.matches("<testcase ").count(), 6, "{xml}");
+    assert!(
+        xml.contains("name=\"3/scene.mipvog\"") && xml.contains("<failure type=\"exit code 3\"")
+    );
     // A later result counts.
     let output = run(here, &["report", files[0], files[1], files[2]]);
     assert_eq!(code(&output), 0, "{}", words(&output));
     let text = String::from_utf8(output.stdout).expect("text");
-    assert!(text.starts_with("6 scenes: 1 baked, 5 current, 0 failed"), "{text}");
+    assert!(text.starts_with("6 scenes: 1 baked, 5 unchanged, 0 failed"), "{text}");
 }
 
 #[test]

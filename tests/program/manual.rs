@@ -31,7 +31,13 @@ fn the_manual_has_every_option_and_no_other() {
             .lines()
             .map(str::trim_start)
             .filter(|line| line.starts_with('-'))
-            .filter_map(|line| line.split([' ', ',']).find(|word| word.starts_with("--")))
+            .flat_map(|line| {
+                let words = line.split([' ', ',']).filter(|word| word.starts_with("--"));
+                // A line of names, or that of one option.
+                let count =
+                    if line.starts_with("--") && line.contains(", --") { usize::MAX } else { 1 };
+                words.take(count)
+            })
             .map(str::to_owned)
             .collect();
         let (own, links) = &sections[&format!("`{verb}`")];

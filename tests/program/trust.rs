@@ -89,7 +89,8 @@ fn healthy_files_of_another_kind_are_not_called_damaged() {
     // Their signatures have much in common with a container's.
     std::fs::write(here.join("p.png"), b"\x89PNG\r\n\x1a\n and more").expect("written");
     std::fs::write(here.join("p.h5"), b"\x89HDF\r\n\x1a\n and more").expect("written");
-    says(here, &["validate", "p.png"], 1, &["found a PNG picture"]);
+    let findings = run(here, &["validate", "p.png"]);
+    assert!(text(&findings.stdout).contains("found a PNG picture"), "{}", text(&findings.stdout));
     for (arguments, parts) in [
         (&["view", "fine_last.tar"][..], &["trained scene", "mipvog-bake bake fine_last.tar"][..]),
         (&["view", "a.safetensors"], &["a .safetensors file", "bake"]),
@@ -230,7 +231,7 @@ fn standard_streams_are_files_too() {
     // The coarse checkpoint is looked for beside the input: neither has one here.
     assert_eq!(baked.stdout, std::fs::read(here.join("a.mipvog")).expect("a file"));
     // The report moves to stderr.
-    assert!(text(&baked.stderr).contains("level"), "{}", text(&baked.stderr));
+    assert!(text(&baked.stderr).contains("smaller than the input"), "{}", text(&baked.stderr));
     let unpacked = pipe(&["unpack", "-", "-o", "-", "-q"], "a.mipvog");
     assert_eq!(unpacked.stdout, std::fs::read(here.join("a.safetensors")).expect("a file"));
     let inspected = pipe(&["inspect", "-"], "a.mipvog");
@@ -353,7 +354,7 @@ fn verbs_have_the_names_that_people_try() {
     }
     let manual = text(&done(here, &["man"]).stdout);
     assert!(manual.contains("Print the manual page"));
-    let help = text(&done(here, &["bake", "--help"]).stdout);
+    let help = text(&done(here, &["--help"]).stdout);
     let general = help.find("General:").expect("a group");
     for option in ["--threads", "--quiet", "--color", "--progress", "--limit", "--verbose"] {
         assert!(help.find(&format!("{option} ")).or(help.find(option)) > Some(general), "{option}");

@@ -1,10 +1,10 @@
-//! The commands of the manual, `docs/`, run.
+//! The commands of `README.md` and of the manual, `docs/`, run.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::pages::{manual, sections};
+use crate::common::pages::{manual, sections, text};
 use crate::common::{PROGRAM, fixture, folder};
 
 /// Fenced blocks: the words behind the fence, and the lines within.
@@ -40,23 +40,31 @@ fn has(program: &str) -> bool {
 
 #[test]
 fn every_command_of_the_manual_runs() {
-    let folder = workplace();
+    let (folder, of_readme) = (workplace(), workplace());
     let own = Path::new(PROGRAM).parent().expect("a folder").display().to_string();
     let path = format!("{own}:{}", std::env::var("PATH").expect("a search path"));
-    let mut ran = BTreeSet::new();
-    let pages = manual();
+    let (mut ran, mut set_up) = (BTreeSet::new(), Vec::new());
+    let readme = Path::new("README.md");
+    let pages = [vec![(readme.to_owned(), text(readme))], manual()].concat();
     let blocks = pages.iter().flat_map(|(page, text)| {
         blocks(text).into_iter().map(move |(fence, lines)| (page, fence, lines))
     });
     for (page, fence, lines) in blocks {
+        // The book goes on where its last page ended; the README stands alone.
+        let folder = if page == readme { of_readme.path() } else { folder.path() };
         let (language, more) = fence.split_once(' ').unwrap_or((fence, ""));
-        if language == "text" {
+        // Lines of Rust are those of a crate's page, which is compiled.
+        if ["text", "rust"].contains(&language) {
             continue;
         }
         if language != "sh" {
             // A file under the name behind its language.
             assert!(!more.is_empty(), "a block of {language} without a name");
-            std::fs::write(folder.path().join(more), format!("{lines}\n")).expect("writable");
+            std::fs::write(folder.join(more), format!("{lines}\n")).expect("writable");
+            continue;
+        }
+        if more == "set-up" {
+            set_up.push((page, lines));
             continue;
         }
         if let Some(program) = more.strip_prefix("needs=").filter(|program| !has(program)) {
@@ -64,13 +72,17 @@ fn every_command_of_the_manual_runs() {
             continue;
         }
         let mut command = Command::new("sh");
-        command.args(["-euc", lines]).current_dir(folder.path()).env("PATH", &path);
+        command.args(["-euc", lines]).current_dir(folder).env("PATH", &path);
         let output = command.output().expect("a shell");
         let message = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{}: {lines}\n{message}", page.display());
         let words = lines.split_whitespace().collect::<Vec<_>>();
         ran.extend(words.windows(2).filter(|two| two[0] == "mipvog-bake").map(|two| two[1]));
     }
+    // A machine is set up by two commands: one bakes the fixture scene, one runs the tests.
+    assert!(set_up.iter().all(|(page, lines)| *page == readme && lines.lines().count() == 1));
+    let starts: Vec<&str> = set_up.iter().map(|(_, lines)| &lines[..10]).collect();
+    assert_eq!(starts, ["cargo run ", "cargo test"]);
     for verb in sections().into_keys().filter(|name| name.starts_with('`')) {
         assert!(ran.contains(verb.trim_matches('`')), "no command of {verb} in the manual");
     }

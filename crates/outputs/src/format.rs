@@ -123,6 +123,8 @@ pub struct ExportOptions {
     pub features: bool,
     /// Gaussian splats, at most. Default: 100,000
     pub splats: Option<usize>,
+    /// Triangles of a mesh, at most. Default: 100,000
+    pub triangles: Option<usize>,
     /// Cameras that an export may be fitted to. Default: none, so the format makes its own
     pub cameras: Vec<Camera>,
     /// Bounds on sizes and memory.
@@ -142,6 +144,7 @@ impl Default for ExportOptions {
             normalize_density: false,
             features: false,
             splats: None,
+            triangles: None,
             cameras: Vec::new(),
             limits: Limits::default(),
         }

@@ -125,6 +125,8 @@ def line(scene: Scene, found: dict[str, Any], seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 6),
         "output_bytes": found.get("output_bytes"),
         "psnr": found.get("psnr"),
+        "sha256": found.get("sha256"),
+        "warnings": found.get("warnings", []),
         "error": found.get("error"),
     }
 

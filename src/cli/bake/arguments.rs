@@ -10,6 +10,7 @@ use super::super::field::FieldArguments;
 use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
 use super::super::gltf::GltfArguments;
+use super::super::guess::{container_names, input_path, is_folder_name};
 use super::super::incremental::IncrementalArguments;
 use super::super::manifest::{ExplicitOptions, ManifestArguments};
 use super::super::scene::SceneArguments;
@@ -24,7 +25,7 @@ use crate::base::limits::Limits;
 use crate::unpacked::Unpacked;
 use mipvog_inputs::tensor::{self, TensorFile};
 
-/// Convert a trained scene to a container, or a container to another one
+/// Bake a trained scene to a container
 #[derive(Debug, Args)]
 #[command(group(ArgGroup::new("source").required(true).args(["input", "manifest"])))]
 #[command(after_help = "\
@@ -32,26 +33,36 @@ Examples:
   mipvog-bake bake fine_last.tar --stepsize 0.5 --near 2 --far 6 -o scene.mipvog
   mipvog-bake bake fine_last.tar --preset web --gltf scene.glb -o scene.mipvog
   mipvog-bake bake fine_last.tar -o scene.mipvog --cameras transforms.json --require-psnr 40
-  mipvog-bake bake fine_last.tar -o scene.mipvog --dry-run
-  mipvog-bake bake --manifest scenes.jsonl --shard 0/4 --if-changed -o out/")]
+  mipvog-bake bake scenes/*/fine_last.tar -o baked/
+  mipvog-bake bake --manifest scenes.jsonl --if-changed -o baked/")]
 pub struct Arguments {
     // First: the others take their values out of the matches.
     #[command(flatten)]
     pub given: ExplicitOptions,
-    /// A trained model (a file, or a folder of SNeRG or MERF), a container (unpacked or not), or a
-    /// glTF asset with one; - means standard input
-    #[arg(requires = "output", default_value = ".", hide_default_value = true)]
+    /// Trained models, containers or glTF assets with one; - means standard input. A model is a
+    /// file, or the folder of a training, of SNeRG or of MERF
+    #[arg(id = "input", value_name = "INPUT", requires = "output", value_parser = input_path())]
+    pub inputs: Vec<PathBuf>,
+    /// The one of the inputs that is baked.
+    #[arg(skip)]
     pub input: PathBuf,
-    /// The container to write; - means standard output. With --manifest, the output folder
-    #[arg(short, long, value_name = "OUT.mipvog", default_value = ".", hide_default_value = true)]
+    /// Container to write; - means standard output. A folder, with a slash at its end, takes a
+    /// container for each input. With --manifest, the folder of all outputs
+    #[arg(
+        short,
+        long,
+        value_name = "OUT.mipvog|DIR/",
+        default_value = ".",
+        hide_default_value = true
+    )]
     pub output: PathBuf,
-    /// Forecast time, memory and size from parts of the scene, and write nothing
+    /// Forecast time, memory and size, and write nothing; parts of the scene are baked
     #[arg(long)]
     pub dry_run: bool,
     /// Overwrite the output if it exists
     #[arg(long)]
     pub force: bool,
-    /// A set of options, which explicit options override
+    /// Set of options; explicit options override it
     #[arg(long, value_parser = by_name::<Preset>())]
     pub preset: Option<Preset>,
     #[command(flatten)]
@@ -109,6 +120,32 @@ impl Input {
 }
 
 impl Arguments {
+    /// Takes the input, and the container in a folder, where there is one of them.
+    pub fn settle(&mut self) {
+        let [input] = &*self.inputs else { return };
+        self.input.clone_from(input);
+        if is_folder_name(&self.output)
+            && let Ok(names) = container_names(&self.inputs, &self.output)
+            && let Some(name) = names.into_iter().next()
+        {
+            self.output = name;
+        }
+    }
+
+    /// The container of each of several inputs.
+    ///
+    /// # Errors
+    /// `Usage` for an output that is no folder, and where two containers would have one name.
+    pub fn outputs(&self) -> Result<Vec<PathBuf>> {
+        let output = &self.output;
+        if !(is_folder_name(output) || output.is_dir()) {
+            let message = format!("-o {}: several inputs go into a folder", output.display());
+            let advice = format!("name a folder: -o {}/", output.with_extension("").display());
+            return Err(Error::usage(message).advise(advice));
+        }
+        container_names(&self.inputs, output)
+    }
+
     /// Opens the input, by its content.
     pub fn open(&self, limits: &Limits) -> Result<Input> {
         let container = match &self.held {

@@ -2,6 +2,7 @@
 
 use super::super::common::Common;
 use super::super::container_report::levels_text;
+use super::super::layout::{columns, folded};
 use super::super::outcome::{Outcome, peak_memory_bytes, readable};
 use super::super::progress::Bar;
 use super::super::view_report::ViewReport;
@@ -43,6 +44,7 @@ pub fn dry_run(
         output: arguments.output.to_string_lossy().into_owned(),
         dry_run: Some(true),
         input_bytes: None,
+        sha256: None,
         seconds: forecast.seconds,
         peak_memory_bytes: memory,
         least_memory_bytes: Some(least),
@@ -55,16 +57,19 @@ pub fn dry_run(
         quality: None,
         gltf: None,
     };
-    let mut text =
-        format!("{}: about {}", arguments.output.display(), readable(forecast.report.output_bytes));
-    text += &match (forecast.seconds, forecast.fit_steps) {
+    let bytes = readable(forecast.report.output_bytes);
+    let mut line = format!("{}: about {bytes}", arguments.output.display());
+    line += &match (forecast.seconds, forecast.fit_steps) {
         (Some(seconds), _) => format!(" in {seconds:.1} s"),
         (None, steps) => format!(" after a fit of up to {} steps", steps.unwrap_or(0)),
     };
-    text += &memory.map_or_else(String::new, |bytes| format!(", {} of memory", readable(bytes)));
-    text += &least.map_or_else(String::new, |bytes| format!("; least --memory {bytes}"));
-    text.push('\n');
-    text += &levels_text(&forecast.report.levels, &forecast.report.shells);
+    line += &memory.map_or_else(String::new, |bytes| format!(", {} of memory", readable(bytes)));
+    line += &least.map_or_else(String::new, |bytes| {
+        let shown = readable(bytes);
+        format!("; least --memory {bytes} ({shown})")
+    });
+    let mut text = folded(&line, columns(), 4) + "\n";
+    text += &levels_text(&forecast.report.levels, &forecast.report.shells, common.verbose);
     Outcome::new("bake", &json, text)
 }
 

@@ -11,5 +11,5 @@ mod trained;
 pub use arguments::Arguments;
 #[cfg(feature = "schemas")]
 pub use report::BakeJson;
-pub use report::{Baked, Work};
+pub use report::{Baked, Work, short_name};
 pub use run::run;

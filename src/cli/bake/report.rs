@@ -7,15 +7,17 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::super::common::Common;
-use super::super::container_report::{LEGEND, levels_text};
+use super::super::container_report::{legend, levels_text};
 use super::super::gate::GateReport;
 use super::super::gltf::GltfReport;
+use super::super::layout::{Table, columns, folded, grouped};
 use super::super::outcome::{Outcome, peak_memory_bytes, readable};
 use super::super::output::STANDARD_STREAM;
 use super::super::scene::{SettingReport, settings_text};
+use super::super::shell;
 use super::super::view_report::ViewReport;
-use crate::bake::BakeReport;
 use crate::bake::fit::FittedLevel;
+use crate::bake::{BakeReport, LevelReport};
 use crate::base::error::Result;
 
 /// The results of a bake.
@@ -46,6 +48,8 @@ pub struct Work<'a> {
     pub seconds: f64,
     /// Bytes that were read of the input.
     pub bytes_read: u64,
+    /// SHA-256 of the container, unless it was not written.
+    pub sha256: Option<String>,
 }
 
 /// What `bake` and `transcode` print as JSON.
@@ -63,6 +67,8 @@ pub struct BakeJson {
     /// Bytes of the input. Left out of a forecast.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub input_bytes: Option<u64>,
+    /// SHA-256 of the container, in hexadecimal digits; null where none was written.
+    pub sha256: Option<String>,
     /// Wall-clock time of all; null in the forecast of a fit.
     pub seconds: Option<f64>,
     /// As the operating system counts it, where it does.
@@ -112,6 +118,7 @@ impl Baked {
             output: work.output.to_string_lossy().into_owned(),
             dry_run: None,
             input_bytes: Some(work.input_bytes),
+            sha256: work.sha256.clone(),
             seconds: Some(work.seconds),
             peak_memory_bytes: peak_memory_bytes(),
             least_memory_bytes: None,
@@ -124,70 +131,152 @@ impl Baked {
             quality: self.gate.clone(),
             gltf: gltf.cloned(),
         };
-        let mut text = self.text(work, common);
-        text += &self.view.text();
-        text += &self.gate.as_ref().map_or_else(String::new, GateReport::text);
-        text += &gltf.map_or_else(String::new, GltfReport::text);
         let failure = self.gate.as_ref().and_then(|gate| gate.failure(work.output));
         let failure = failure.or_else(|| self.view.failure(work.output));
+        let failure = failure.or_else(|| {
+            let denied = common.denied()?;
+            Some(format!("{}: not written: {denied}", work.output.display()))
+        });
+        let mut lines = self.lines(work, failure.is_some());
+        lines.extend(self.view.lines());
+        let mut text = folded_lines(&lines);
+        if common.verbose {
+            text += &self.details(work);
+        }
+        if let Some(gate) = &self.gate {
+            text += &gate.text(work.input);
+        }
+        text += &gltf.map_or_else(String::new, GltfReport::text);
         if failure.is_none() && work.output != Path::new(STANDARD_STREAM) {
-            writeln!(text, "  next: mipvog-bake view {}", work.output.display()).ok();
+            // As it stands: a command that is folded cannot be pasted.
+            let next = shell::command(["view".as_ref(), work.output.as_os_str()]);
+            writeln!(text, "  next: {next}").ok();
         }
         Ok(Outcome { failure, ..Outcome::new(verb, &json, text)? })
     }
 
-    fn text(&self, work: &Work, common: &Common) -> String {
+    /// The sizes, what is in the container, and where the settings came from.
+    fn lines(&self, work: &Work, is_refused: bool) -> Vec<String> {
         let report = &self.report;
-        let bytes = readable(report.output_bytes);
-        let (seconds, read) = (work.seconds, readable(work.bytes_read));
-        let output = work.output.display();
-        let input = readable(work.input_bytes);
-        let ratio = work.input_bytes as f64 / report.output_bytes.max(1) as f64;
-        let missed = !self.passes();
-        let mut text = match report.unchanged {
-            true => format!("{output}: {bytes}, nothing has changed\n"),
-            false if missed => format!("{output}: not written: it would have {bytes}\n"),
-            false => format!(
-                "{output}: {bytes} of {input}, 1/{ratio:.1}, in {seconds:.2} s, {read} read\n"
-            ),
-        };
-        if !self.settings.is_empty() {
-            text += &settings_text(&self.settings);
-        }
-        if let Some(chosen) = &report.chosen {
-            writeln!(text, "  {chosen}").ok();
-        }
-        text += &levels_text(&report.levels, &report.shells);
-        text += LEGEND;
-        if let Some(finest) = report.pruned.first() {
-            writeln!(
-                text,
-                "  of {} nodes {} are opaque, {} of them outside the free-space mask, {} retained",
-                finest.nodes, finest.opaque_nodes, finest.masked_nodes, finest.needed_nodes
-            )
-            .ok();
+        let (output, bytes) = (work.output.display(), readable(report.output_bytes));
+        let mut lines = vec![match (report.unchanged, is_refused) {
+            (_, true) => format!("{output}: not written; it would have {bytes}"),
+            (true, false) => format!("{output}: {bytes}, nothing has changed"),
+            (false, false) => {
+                let sizes = compared(report.output_bytes, work.input_bytes);
+                format!(
+                    "{output}: {bytes}, {sizes} {} ({}), in {:.2} s",
+                    short_name(work.input),
+                    readable(work.input_bytes),
+                    work.seconds
+                )
+            }
+        }];
+        let first = first_picture(&report.levels, report.output_bytes);
+        let first = first.map(|bytes| format!("first picture after {}", readable(bytes)));
+        let kept = report.pruned.first().map(|finest| {
+            let share = 100.0 * finest.needed_nodes as f64 / finest.nodes.max(1) as f64;
+            let [kept, all] = [finest.needed_nodes, finest.nodes].map(grouped);
+            format!("{kept} of {all} voxels kept ({share:.0} %)")
+        });
+        let content: Vec<String> = first.into_iter().chain(kept).collect();
+        if !content.is_empty() {
+            lines.push(format!("  {}", content.join("; ")));
         }
         if let Some(islands) = &report.islands {
-            let (count, nodes) = (islands.dropped, islands.nodes);
-            let all = islands.components;
-            writeln!(text, "  {count} of {all} islands were dropped: {nodes} nodes").ok();
+            let (dropped, all) = (islands.dropped, islands.components);
+            let voxels = grouped(islands.nodes);
+            lines.push(format!("  {dropped} of {all} islands dropped: {voxels} voxels"));
         }
-        if let Some(fitted) = &report.fitted {
-            for FittedLevel { level, steps, psnr_before, psnr_after, .. } in &fitted.levels {
-                let (Some(psnr_before), Some(psnr_after)) = (psnr_before, psnr_after) else {
-                    continue;
-                };
-                writeln!(
-                    text,
-                    "  level {level} fitted in {steps} steps, {psnr_before:.2} to {psnr_after:.2} dB"
-                )
-                .ok();
-            }
+        if !self.settings.is_empty() {
+            lines.push(settings_text(&self.settings));
         }
-        for stage in report.stages.iter().filter(|_| common.verbose) {
-            let (seconds, bytes) = (stage.seconds, readable(stage.bytes));
-            writeln!(text, "  {:8} {seconds:8.3} s {bytes:>10}", stage.name).ok();
+        lines.extend(report.chosen.iter().map(|chosen| format!("  {chosen}")));
+        let fitted = report.fitted.iter().flat_map(|fitted| &fitted.levels);
+        lines.extend(fitted.filter_map(
+            |FittedLevel { level, steps, psnr_before, psnr_after, .. }| {
+                let (before, after) = (psnr_before.as_ref()?, psnr_after.as_ref()?);
+                Some(format!(
+                    "  level {level} fitted in {steps} steps: {before:.2} to {after:.2} dB"
+                ))
+            },
+        ));
+        lines
+    }
+
+    /// The table of levels, and the cost of each stage.
+    fn details(&self, work: &Work) -> String {
+        let report = &self.report;
+        let mut text = levels_text(&report.levels, &report.shells, true);
+        text += &legend(!report.shells.is_empty());
+        let mut lines = Vec::new();
+        if let Some(finest) = report.pruned.first() {
+            let opaque = grouped(finest.opaque_nodes);
+            let masked = match finest.masked_nodes {
+                0 => String::new(),
+                masked => format!(", {} of them outside the free-space mask", grouped(masked)),
+            };
+            lines.push(format!("  {opaque} voxels above --alpha-threshold{masked}"));
         }
-        text
+        lines.push(format!("  {} read of the input", readable(work.bytes_read)));
+        text += &folded_lines(&lines);
+        let mut table = Table::new(["stage", "seconds", "bytes"], 1);
+        for stage in &report.stages {
+            let (seconds, bytes) = (format!("{:.3}", stage.seconds), readable(stage.bytes));
+            table.add([stage.name.to_owned(), seconds, bytes]);
+        }
+        text + &table.text(columns())
+    }
+}
+
+fn folded_lines(lines: &[String]) -> String {
+    lines.iter().map(|line| folded(line, columns(), 4) + "\n").collect()
+}
+
+/// The part of a file within which the viewer looks for its first picture.
+const FIRST_PICTURE: u64 = 25;
+
+/// Bytes until the viewer draws something: the finest level within 4 % of the file, or the
+/// coarsest. `None` if that is the whole file.
+fn first_picture(levels: &[LevelReport], bytes: u64) -> Option<u64> {
+    let mut prefixes = levels.iter().filter_map(|level| level.prefix_bytes);
+    let coarsest = levels.last().and_then(|level| level.prefix_bytes);
+    let first = prefixes.find(|prefix| prefix * FIRST_PICTURE <= bytes).or(coarsest);
+    first.filter(|first| *first < bytes)
+}
+
+/// The name of an input without its folders.
+pub fn short_name(input: &Path) -> String {
+    match input == Path::new(STANDARD_STREAM) {
+        true => "the input".to_owned(),
+        false => input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned(),
+    }
+}
+
+/// How much smaller an output is than its input, or larger.
+fn compared(output: u64, input: u64) -> String {
+    let (output, input) = (output.max(1) as f64, input.max(1) as f64);
+    let (factor, word) = match output <= input {
+        true => (input / output, "smaller"),
+        false => (output / input, "larger"),
+    };
+    // Two digits: more say nothing.
+    match factor < 9.95 {
+        true => format!("{factor:.1} x {word} than"),
+        false => format!("{factor:.0} x {word} than"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_compared_in_two_digits() {
+        assert_eq!(compared(3_620_000, 86_000_000), "24 x smaller than");
+        assert_eq!(compared(10, 99), "9.9 x smaller than");
+        assert_eq!(compared(7, 7), "1.0 x smaller than");
+        assert_eq!(compared(30, 20), "1.5 x larger than");
+        assert_eq!(compared(0, 0), "1.0 x smaller than");
     }
 }

@@ -7,15 +7,16 @@ use serde_json::Value;
 use super::super::common::Common;
 use super::super::fit::warn_of_idle_levels;
 use super::super::incremental::depfile_rule;
+use super::super::layout::{folded, message_columns};
 use super::super::outcome::{Outcome, say, warn};
-use super::super::output::create_container;
+use super::super::output::{create_container, digest};
 use super::super::progress::Bar;
 use super::again::bake_again;
 use super::arguments::{Arguments, Content};
 use super::forecast::dry_run;
 use super::report::Work;
 use super::trained::bake_trained;
-use crate::bake::StageReport;
+use crate::bake::{BakeOption, BakeReport, StageReport};
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 
@@ -30,9 +31,12 @@ fn options_text(options: &Value) -> String {
         }
         other => other.to_string(),
     };
+    // Values that no option sets are what others stand for.
+    let is_option = |name: &str| BakeOption::find(name).is_some();
     let members = options.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
-    let pairs = members.map(|(name, value)| format!("{} {}", name.replace('_', "-"), shown(value)));
-    pairs.collect::<Vec<_>>().join(", ")
+    let pairs = members.map(|(name, value)| (name.replace('_', "-"), shown(value)));
+    let pairs = pairs.filter(|(name, _)| is_option(name));
+    pairs.map(|(name, value)| format!("--{name} {value}")).collect::<Vec<_>>().join(" ")
 }
 
 /// Bakes the input.
@@ -44,7 +48,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(preset) = arguments.preset
         && !common.quiet
     {
-        say(&format!("preset {}: {}", preset.name(), options_text(&options.to_json())));
+        let line = format!("preset {}: {}", preset.name(), options_text(&options.to_json()));
+        say(&folded(&line, message_columns(), 4));
     }
     if arguments.dry_run {
         return match &input.content {
@@ -78,14 +83,16 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let (incremental, written) = (&arguments.incremental, output.written());
         baked.report.unchanged = incremental.is_same(written, &arguments.output)?;
     }
-    let passes = baked.passes();
+    warn_of_content(&baked.report, common);
+    let passes = baked.passes() && common.denied().is_none();
     let report = &mut baked.report;
-    let mut gltf = None;
+    let (mut gltf, mut sha256) = (None, None);
     // An output that fails its gate does not get its name.
     if passes {
+        let container = if report.unchanged { &*arguments.output } else { output.written() };
+        sha256 = Some(digest(container)?);
         if let Some(asset) = &mut asset {
             let clock = Instant::now();
-            let container = if report.unchanged { &*arguments.output } else { output.written() };
             let written = arguments.gltf.write(container, &arguments.output, &limits, asset)?;
             let (seconds, bytes) = (clock.elapsed().as_secs_f64(), written.bytes());
             report.stages.push(StageReport { name: "gltf", seconds, bytes });
@@ -97,22 +104,27 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let container = Some(output).filter(|_| !report.unchanged);
         Output::finish_all(container.into_iter().chain(asset).chain(depfile).collect())?;
     }
-    if let Some(fitted) = &report.fitted {
-        warn_of_idle_levels(fitted, common);
-    }
-    if !report.unchanged && report.levels.iter().all(|level| level.blocks_stored == 0) {
-        warn("the container is empty: no node of the input has a density that shows", common);
-    }
-    if report.nonfinite_values > 0 {
-        let count = report.nonfinite_values;
-        warn(&format!("{count} values were not finite and became empty"), common);
-    }
     let work = Work {
         input: arguments.held.as_ref().map_or(&arguments.input, |held| held.path()),
         output: &arguments.output,
         seconds: clock.elapsed().as_secs_f64(),
         input_bytes: input.length(),
         bytes_read: input.bytes_read(),
+        sha256,
     };
     baked.outcome("bake", &work, gltf.as_ref(), common)
+}
+
+/// Warns of what a container lacks.
+fn warn_of_content(report: &BakeReport, common: &Common) {
+    if let Some(fitted) = &report.fitted {
+        warn_of_idle_levels(fitted, common);
+    }
+    if !report.unchanged && report.levels.iter().all(|level| level.blocks_stored == 0) {
+        warn("the container is empty: no voxel of the input is dense enough to show", common);
+    }
+    if report.nonfinite_values > 0 {
+        let count = report.nonfinite_values;
+        warn(&format!("{count} values were not finite and became empty"), common);
+    }
 }

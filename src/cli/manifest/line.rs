@@ -1,6 +1,7 @@
 //! A line of a manifest.
 
 use std::fmt::Formatter;
+use std::path::Path;
 
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
@@ -21,6 +22,18 @@ pub struct SceneLine {
 }
 
 impl SceneLine {
+    /// Of paths on the command line.
+    ///
+    /// # Errors
+    /// `Usage` for a path that is no UTF-8: results are JSON.
+    pub fn of(input: &Path, output: &Path) -> Result<Self> {
+        let text = |path: &Path| {
+            let text = path.to_str().map(str::to_owned);
+            text.ok_or_else(|| Error::usage("several inputs need names in UTF-8").in_file(path))
+        };
+        Ok(Self { input: text(input)?, output: text(output)?, options: Map::new() })
+    }
+
     /// Of the text of line `number`, counted from 1. Options are held to the names that `known` has,
     /// not to their values' rules: those are the parser's of the command line.
     ///

@@ -18,7 +18,9 @@ mod run;
 mod words;
 
 pub use arguments::{ExplicitOptions, ManifestArguments};
+pub use line::SceneLine;
 pub use options::{OF_ALL, OptionKind};
 pub use read::Lines;
 pub use result::{SceneResult, Status};
 pub use run::{BatchOptions, run};
+pub use words::Words;

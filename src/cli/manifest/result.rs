@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::super::common::Common;
 use super::super::failure::{exit_code, message, remedy};
 use super::super::outcome::Outcome;
 use super::line::SceneLine;
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 
 /// The end of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,13 +46,19 @@ pub struct SceneResult {
     /// The memory that a bake will take, in a forecast.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_memory_bytes: Option<u64>,
+    /// SHA-256 of the container, in hexadecimal digits; null where none was written.
+    #[serde(default)]
+    pub sha256: Option<String>,
+    /// The warnings of the bake.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// The reason of a failure, and its remedy.
     pub error: Option<String>,
 }
 
 impl SceneResult {
     /// Of what `bake` told.
-    pub fn of(scene: &SceneLine, outcome: &Result<Outcome>, seconds: f64) -> Self {
+    pub fn of(scene: &SceneLine, outcome: &Result<Outcome>, seconds: f64, common: &Common) -> Self {
         let result = Self {
             input: scene.input.clone(),
             output: scene.output.clone(),
@@ -61,6 +68,8 @@ impl SceneResult {
             output_bytes: None,
             psnr: None,
             peak_memory_bytes: None,
+            sha256: None,
+            warnings: common.warnings.texts(),
             error: None,
         };
         let outcome = match outcome {
@@ -77,7 +86,8 @@ impl SceneResult {
             return Self { psnr, error: Some(reason.clone()), ..result };
         }
         let output_bytes = report["output_bytes"].as_u64();
-        let done = Self { exit_code: 0, output_bytes, psnr, ..result };
+        let sha256 = report["sha256"].as_str().map(str::to_owned);
+        let done = Self { exit_code: 0, output_bytes, psnr, sha256, ..result };
         match (&report["dry_run"], &report["unchanged"]) {
             (Value::Bool(true), _) => Self {
                 status: Status::Forecast,
@@ -88,5 +98,19 @@ impl SceneResult {
             (_, Value::Bool(true)) => Self { status: Status::Current, ..done },
             _ => Self { status: Status::Baked, ..done },
         }
+    }
+
+    /// True if the scene was not baked.
+    pub fn is_failed(&self) -> bool {
+        self.status == Status::Failed
+    }
+
+    /// The result as a line of JSON.
+    ///
+    /// # Errors
+    /// `Usage` for what JSON cannot hold.
+    pub fn line(&self) -> Result<String> {
+        let line = serde_json::to_string(self).map(|line| line + "\n");
+        line.map_err(|error| Error::usage(format!("the result is no JSON: {error}")))
     }
 }

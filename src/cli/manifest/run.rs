@@ -11,7 +11,7 @@ use super::arguments::{ExplicitOptions, ManifestArguments};
 use super::options::OptionKind;
 use super::part::Part;
 use super::read::{CheckScene, Lines, Manifest};
-use super::result::{SceneResult, Status};
+use super::result::SceneResult;
 use super::words::Words;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Result};
@@ -74,16 +74,17 @@ pub fn run(
             continue;
         }
         let clock = Instant::now();
+        common.warnings.begin(&line.input);
         let outcome = scene(words.of(&line));
         if let Err(error) = &outcome
             && matches!(error.kind(), ErrorKind::Cancelled)
         {
             return outcome;
         }
-        let result = SceneResult::of(&line, &outcome, clock.elapsed().as_secs_f64());
+        let result = SceneResult::of(&line, &outcome, clock.elapsed().as_secs_f64(), common);
         results.add(&result)?;
         done += 1;
-        failed += u64::from(result.status == Status::Failed);
+        failed += u64::from(result.is_failed());
         if let Part::Scene(_) = part {
             results.finish()?;
             return outcome.map(|outcome| Outcome::reported(outcome.failure));
@@ -113,8 +114,7 @@ impl Results {
     }
 
     fn add(&mut self, result: &SceneResult) -> Result<()> {
-        let line = serde_json::to_string(result).map(|line| line + "\n");
-        let line = line.map_err(|error| Error::usage(format!("the result is no JSON: {error}")))?;
+        let line = result.line()?;
         if let Some(file) = &mut self.0 {
             file.append(line.as_bytes())?;
         }

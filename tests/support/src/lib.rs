@@ -190,10 +190,12 @@ pub fn origin() -> Origin {
     }
 }
 
-/// A program, with nothing in its environment but where `.ci/coverage` counts.
+/// A program, with nothing in its environment but wide lines and where `.ci/coverage` counts.
 pub fn program(path: &str) -> std::process::Command {
     let mut command = std::process::Command::new(path);
     command.env_clear();
+    // Lines of reports stay whole, so that tests find words in them.
+    command.env("COLUMNS", "1000");
     let counts = "LLVM_PROFILE_FILE";
     command.envs(std::env::var_os(counts).map(|file| (counts, file)));
     command

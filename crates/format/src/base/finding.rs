@@ -207,7 +207,7 @@ codes! {
     /// The file lacks a setting that a bake needs; a default is used.
     Unstated = "unstated", Warning,
         at "key",
-        do "pass the option that the message names";
+        do "state it if the assumption is wrong";
     /// The values of a tensor do not match the checksum that the file states.
     ValuesChecksum = "values-checksum", Error,
         at "tensor",

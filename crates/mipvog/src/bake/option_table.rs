@@ -57,7 +57,7 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
         key: "filter",
         value_name: "NAME",
         heading: LEVELS,
-        help: "Filter for coarser levels [default: rate-tent]",
+        help: "Filter that makes coarser levels [default: rate-tent]",
         choices: Some(|| {
             let choice = |filter: Filter| (filter.label(), filter.purpose().to_owned());
             Filter::all().into_iter().map(choice).collect()
@@ -82,9 +82,9 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "max-error",
         value_name: "ERROR",
-        help: "Instead of --bits: the largest error of decoded colour (0 to 1) and of opacity over \
-               one interval, 1e-6 to 0.25; each group of each level gets the fewest bits that \
-               satisfy it. Or three bounds with colons: opacity, diffuse colour and features",
+        help: "Largest error of colour (0 to 1) and of opacity over one interval, 1e-6 to 0.25; \
+               every level gets the fewest bits that satisfy it. Three bounds with colons are for \
+               opacity, diffuse colour and features. Replaces --bits",
         conflicts: &["bits"],
         set: |options, text, _| {
             options.max_error = Some(parsed(text)?);
@@ -98,9 +98,9 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "quality",
         value_name: "QUALITY",
-        help: "Instead of --bits or --max-error: the quality of pictures, 1 to 100; 75 equals \
-               --preset web; every 25 less doubles the errors. With --cameras or --turntable, also \
-               sets --min-weight, --coarseness and --fill-error",
+        help: "Quality of pictures, 1 to 100; 75 equals --preset web, and every 25 less doubles \
+               the errors. Replaces --bits and --max-error. With --cameras or --turntable, also sets \
+               --min-weight, --coarseness and --fill-error",
         conflicts: &["bits", "max-error"],
         set: |options, text, seen| {
             parsed::<Quality>(text).map(|quality| quality.apply(options, seen))
@@ -110,8 +110,9 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "max-bytes",
         value_name: "BYTES",
-        help: "Instead of --bits or --max-error: the best quality that fits into this size, such as \
-               3MB or 500KiB; if even the largest error does not fit, finest levels are dropped",
+        help: "Largest size of the container, such as 3MB or 500KiB; the best quality that fits is \
+               chosen, and the finest levels are dropped if nothing fits. Replaces --bits, \
+               --max-error and --quality",
         conflicts: &["bits", "max-error", "quality", "dry_run"],
         set: |options, text, _| parse_bytes(text).map(|bytes| options.max_bytes = Some(bytes)),
         ..NONE
@@ -119,8 +120,8 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "alpha-threshold",
         value_name: "OPACITY",
-        help: "Drop blocks whose opacity over one step of the level never exceeds this [default: \
-               0.001]",
+        help: "Drop blocks whose opacity over one step of the level never exceeds this, 0 to 1 \
+               [default: 0.001]",
         set: |options, text, _| parsed(text).map(|value| options.alpha_threshold = value),
         list: Some(("OPACITY,...", "Opacity thresholds to try, as `bake --alpha-threshold`")),
         ..NONE
@@ -129,17 +130,17 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
         key: "levels",
         value_name: "N",
         heading: LEVELS,
-        help: "Maximum number of levels [default: down to 4 nodes along the longest axis]",
+        help: "Maximum number of levels [default: down to 4 voxels along the longest axis]",
         set: |options, text, _| parsed(text).map(|value| options.levels = Some(value)),
         list: Some(("N,...", "Numbers of levels to try")),
         ..NONE
     },
     BakeOption {
         key: "block-size",
-        value_name: "NODES",
-        help: "Nodes along a block's edge [default: 8]",
+        value_name: "VOXELS",
+        help: "Voxels along a block's edge, 1 to 64 [default: 8]",
         set: |options, text, _| parsed(text).map(|value| options.block_size = value),
-        list: Some(("NODES,...", "Block sizes to try: nodes along an edge")),
+        list: Some(("VOXELS,...", "Block sizes to try: voxels along an edge")),
         ..NONE
     },
     BakeOption {
@@ -154,8 +155,7 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
         key: "lod-rule",
         value_name: "RULE",
         heading: LEVELS,
-        help: "Rule that picks the level of a sample: a published rule instead of the filter's \
-               [default: the filter's]",
+        help: "Published rule that picks the level of a sample [default: the filter's own]",
         choices: Some(|| {
             let choice = |rule: LevelRule| (rule.name(), rule.purpose());
             LevelRule::ALL.into_iter().map(choice).collect()
@@ -174,7 +174,7 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "min-weight",
         value_name: "WEIGHT",
-        help: "Drop nodes whose weight is below this in every pixel of --cameras, above 0 to 1; \
+        help: "Drop voxels that add less than this to every pixel of --cameras, above 0 to 1; \
                other viewpoints may miss parts [default: keep all]",
         set: |options, text, _| parsed(text).map(|value| options.min_weight = Some(value)),
         list: Some(("WEIGHT,...", "Minimum weights to try, as `bake --min-weight`; 0 keeps all")),
@@ -183,8 +183,8 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "coarseness",
         value_name: "CODES",
-        help: "Allow larger colour errors where cameras see less: N quantization steps at a node of \
-               average importance, 0 to 64 [default: 0]",
+        help: "How far colours may drift where cameras see little, in quantization steps at a voxel \
+               of average visibility, 0 to 64 [default: 0]",
         set: |options, text, _| parsed(text).map(|value| options.coarseness = value),
         list: Some(("CODES,...", "Values of coarseness to try, as `bake --coarseness`")),
         ..NONE
@@ -192,20 +192,20 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
     BakeOption {
         key: "fill-error",
         value_name: "ERROR",
-        help: "Let blocks inherit their colours from the next coarser level if no retained node \
-               changes by more than this, above 0 to 1; with --min-weight or --coarseness, by more \
-               where --cameras see less [default: store all]",
+        help: "Leave out a block's colours where the next coarser level reproduces them to within \
+               this error, above 0 to 1; with --min-weight or --coarseness, less exactly where \
+               --cameras see little [default: store all]",
         set: |options, text, _| parsed(text).map(|value| options.fill_error = Some(value)),
         list: Some((
             "ERROR,...",
-            "Errors of inherited blocks to try, as `bake --fill-error`; 0 stores all",
+            "Errors of blocks that are left out to try, as `bake --fill-error`; 0 stores all",
         )),
         ..NONE
     },
     BakeOption {
         key: "memory",
         value_name: "BYTES",
-        help: "Memory limit, such as 500MB or 2GiB; a small bound is slower, the output is the same \
+        help: "Memory limit, such as 500MB or 2GiB; a low limit is slower and gives the same output \
                [default: unlimited]",
         set: |options, text, _| parse_bytes(text).map(|bytes| options.memory = Some(bytes)),
         ..NONE

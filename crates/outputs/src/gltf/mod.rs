@@ -3,3 +3,4 @@
 pub mod asset;
 pub mod attach;
 pub mod mesh;
+pub mod mesh_file;

@@ -185,7 +185,7 @@ fn address(source: &ExportSource, folder: &Path) -> String {
 /// What a folder does not hold.
 fn lost(source: &ExportSource, options: &ExportOptions, has_network: bool) -> Vec<String> {
     let field = &source.field;
-    let mut lost = vec!["digits: colours, features and opacity have 8 bits".to_owned()];
+    let mut lost = vec!["precision: colours, features and opacity have 8 bits".to_owned()];
     if !has_network && (field.view().view_dependence.is_some() || field.is_model()) {
         lost.push("view-dependent colour: colours are means over directions".to_owned());
     }

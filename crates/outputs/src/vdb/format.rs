@@ -145,15 +145,14 @@ pub fn write_volume(
     progress.advance(Step::Write, 1);
     let mut lost = lost(source);
     if half {
-        lost.push("digits: values are half floats".to_owned());
+        lost.push("precision: values are half floats; --float32 keeps it".to_owned());
     }
     if half && largest / scale > LARGEST_HALF {
         lost.push(format!("densities above {LARGEST_HALF}, the largest half float"));
     }
     if !is_cubic(volume.lattice.spacing) {
         lost.push(
-            "voxels of one size along all axes, which Unreal and some others ask for: --resolution \
-             makes them"
+            "cubic voxels, which Unreal and some others require; --resolution makes them"
                 .to_owned(),
         );
     }

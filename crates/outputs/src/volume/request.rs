@@ -56,14 +56,14 @@ pub fn lost(source: &ExportSource) -> Vec<String> {
     let view = source.field.view();
     let mut lost = Vec::new();
     if view.view_dependence.is_some() || source.field.is_model() {
-        lost.push("view-dependent colour: colours are means over directions".to_owned());
+        lost.push("view-dependent colour: voxels have their mean colour".to_owned());
     }
     if source.field.levels() > 1 {
         lost.push("other levels".to_owned());
     }
     if !source.field.is_model() {
-        lost.push("interpolation before activation: surfaces are softer".to_owned());
+        lost.push("sharpness: surfaces are softer; a higher --supersample helps".to_owned());
     }
-    lost.push("composition of display-referred colours: programs add linear light".to_owned());
+    lost.push("blending: programs blend in linear light, the field was trained in sRGB".to_owned());
     lost
 }

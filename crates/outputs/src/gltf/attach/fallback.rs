@@ -10,7 +10,7 @@ use super::insert::{AttachOptions, Attached, NodeChoice, Z_UP_TO_Y_UP, attach};
 use crate::base::bytes::Output;
 use crate::base::error::{Error, Place, Result};
 use crate::container::Container;
-use crate::gltf::asset::{Asset, padded};
+use crate::gltf::asset::{Asset, Piece, padded, write_glb};
 use crate::gltf::mesh::Mesh;
 
 /// Component types of accessors.
@@ -37,15 +37,36 @@ pub fn write_fallback(
     external: bool,
     output: &mut Output,
 ) -> Result<Attached> {
+    let (mut document, mut bytes) = document_of(meshes)?;
+    if !glb {
+        let data = STANDARD.encode(&bytes);
+        document["buffers"][0]["uri"] =
+            format!("data:application/octet-stream;base64,{data}").into();
+    }
+    bytes.resize(padded(bytes.len() as u64) as usize, 0);
+    let bin = glb.then_some(bytes);
+    let asset = Asset::in_memory(document.to_string(), bin, output_path, container.limits());
+    let options = AttachOptions { node: Some(NodeChoice::Index(0)), external };
+    attach(&asset, container, container_path, output_path, &options, output)
+}
+
+/// Writes a GLB of a mesh alone to `output`, complete but not yet finished.
+///
+/// # Errors
+/// Those of writing; `Malformed` for a mesh that is not finite.
+pub fn write_mesh(mesh: &Mesh, output: &mut Output) -> Result<()> {
+    let (document, bytes) = document_of(std::slice::from_ref(mesh))?;
+    write_glb(&document.to_string(), &[Piece::Bytes(bytes)], None, output)
+}
+
+/// The document of an asset of one node with a mesh, and the bytes of its buffer. Coarser meshes
+/// follow the finest one.
+fn document_of(meshes: &[Mesh]) -> Result<(Value, Vec<u8>)> {
     let mut arrays = Arrays::default();
     let primitives: Vec<Value> =
         meshes.iter().map(|mesh| arrays.add(mesh)).collect::<Result<_>>()?;
-    let Arrays { views, accessors, mut bytes } = arrays;
-    let mut buffer = json!({ "byteLength": bytes.len() });
-    if !glb {
-        let data = STANDARD.encode(&bytes);
-        buffer["uri"] = format!("data:application/octet-stream;base64,{data}").into();
-    }
+    let Arrays { views, accessors, bytes } = arrays;
+    let buffer = json!({ "byteLength": bytes.len() });
     let mesh = |primitive| json!({ "name": "fallback", "primitives": [primitive] });
     let mut document = json!({
         "asset": { "version": "2.0", "generator": generator() },
@@ -62,11 +83,7 @@ pub fn write_fallback(
     if meshes.len() > 1 {
         add_levels_of_detail(&mut document, meshes.len());
     }
-    bytes.resize(padded(bytes.len() as u64) as usize, 0);
-    let bin = glb.then_some(bytes);
-    let asset = Asset::in_memory(document.to_string(), bin, output_path, container.limits());
-    let options = AttachOptions { node: Some(NodeChoice::Index(0)), external };
-    attach(&asset, container, container_path, output_path, &options, output)
+    Ok((document, bytes))
 }
 
 /// Names a node for each coarser mesh on the first node. These are in no scene.

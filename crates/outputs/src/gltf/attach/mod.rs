@@ -28,7 +28,7 @@ mod remove;
 mod tree;
 mod write;
 
-pub use fallback::write_fallback;
+pub use fallback::{write_fallback, write_mesh};
 pub use insert::{AttachOptions, Attached, NodeChoice, attach};
 pub use remove::{Detached, detach};
 pub use write::{companion_paths, companions};

@@ -1,0 +1,46 @@
+//! An error as `--format json` prints it.
+
+use serde::Serialize;
+
+use super::call::Failure;
+
+/// What is printed in place of a report.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+pub(super) struct ErrorReport<'a> {
+    error: ErrorDetails<'a>,
+}
+
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
+struct ErrorDetails<'a> {
+    /// Its kind in snake case.
+    kind: &'a str,
+    /// The file, the place, what was found and what was expected.
+    message: &'a str,
+    /// What to do.
+    help: &'a str,
+    /// The file, if the error is about one.
+    file: Option<&'a str>,
+    /// The place in the file, unless the error is about all of it.
+    place: Option<&'a str>,
+    /// The exit code of the program.
+    exit_code: u8,
+}
+
+impl<'a> ErrorReport<'a> {
+    /// Of a failure.
+    pub fn of(failure: &'a Failure) -> Self {
+        let Failure { kind, message, remedy, place, file, exit_code, .. } = failure;
+        Self {
+            error: ErrorDetails {
+                kind,
+                message,
+                help: remedy,
+                file: file.as_deref(),
+                place: place.as_deref(),
+                exit_code: *exit_code,
+            },
+        }
+    }
+}

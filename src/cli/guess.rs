@@ -1,0 +1,269 @@
+//! First guesses: what people type before they read the help. It works, or the message says what to
+//! type.
+
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind as Mistake};
+
+use super::output::STANDARD_STREAM;
+use super::shell;
+use crate::base::bytes::SourceFile;
+use crate::base::error::{Error, Result};
+use crate::container::is_container;
+use mipvog_outputs::gltf::asset::is_asset;
+
+/// The scene in a folder of DirectVoxGO's or Mip-VoG's training.
+const CHECKPOINT: &str = "fine_last.tar";
+/// Camera files of a scene's folder, the first one first.
+const CAMERAS: [&str; 2] = ["transforms.json", "transforms_test.json"];
+/// Extensions of files that verbs read.
+const INPUTS: [&str; 13] = [
+    "ckpt",
+    "glb",
+    "ingp",
+    "mipvog",
+    "msgpack",
+    "npz",
+    "ply",
+    "pt",
+    "pth",
+    "safetensors",
+    "tar",
+    "th",
+    "vdb",
+];
+/// Files of a folder that a message names, at most.
+const NAMED: usize = 3;
+
+/// The path of an input: in a folder of a training, its checkpoint.
+pub fn input_path() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path| {
+        let is_described = mipvog_inputs::file_of(&path) != path;
+        inner(path, &[CHECKPOINT], is_described)
+    })
+}
+
+/// The path of a camera file: in a scene's folder, the file there.
+pub fn camera_path() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path| inner(path, &CAMERAS, false))
+}
+
+/// The first of these files in a folder; else the path itself.
+fn inner(path: PathBuf, names: &[&str], is_whole: bool) -> PathBuf {
+    if is_whole || !path.is_dir() {
+        return path;
+    }
+    let found = names.iter().map(|name| path.join(name)).find(|file| file.is_file());
+    found.unwrap_or(path)
+}
+
+/// What to do about a folder in a file's place: it may hold files of the kind that is read.
+pub fn of_folder(folder: &Path) -> String {
+    let is_read = |path: &PathBuf| {
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        extension.is_some_and(|extension| INPUTS.contains(&extension) || extension == "json")
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut found: Vec<PathBuf> =
+        entries.map(|entry| entry.path()).filter(|path| path.is_file() && is_read(path)).collect();
+    found.sort_unstable();
+    let names: Vec<String> =
+        found.iter().take(NAMED).map(|path| path.display().to_string()).collect();
+    match names.is_empty() {
+        true => "pass a file instead of a folder".to_owned(),
+        false => format!("pass a file in it: {}", names.join(", ")),
+    }
+}
+
+/// A mistake on the command line, in better words than the parser's.
+pub struct Mistaken {
+    /// What is wrong.
+    pub message: String,
+    /// What to type.
+    pub help: String,
+}
+
+/// A mistake that people make on purpose: they expect it to work.
+pub fn mistaken(
+    error: &clap::Error,
+    words: &[OsString],
+    program: &clap::Command,
+) -> Option<Mistaken> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        Some(ContextValue::Strings(texts)) => texts.first().cloned(),
+        _ => None,
+    };
+    match error.kind() {
+        Mistake::InvalidSubcommand => a_file_alone(&text(ContextKind::InvalidSubcommand)?),
+        Mistake::UnknownArgument => {
+            let word = text(ContextKind::InvalidArg)?;
+            let (at, verb) = verb_of(words, program)?;
+            match word.strip_prefix("--") {
+                Some(name) => an_option_of_others(name, verb, (at, words), program),
+                None if word.starts_with('-') => None,
+                None => a_second_path(&word, verb),
+            }
+        }
+        Mistake::MissingRequiredArgument => {
+            let (at, verb) = verb_of(words, program)?;
+            let missing = text(ContextKind::InvalidArg)?;
+            (verb.get_name() == "bake" && missing.starts_with("--output"))
+                .then(|| no_output(words.get(at + 1..).unwrap_or_default()))?
+        }
+        _ => None,
+    }
+}
+
+/// The verb of a command line, and its place.
+fn verb_of<'a>(
+    words: &[OsString],
+    program: &'a clap::Command,
+) -> Option<(usize, &'a clap::Command)> {
+    words
+        .iter()
+        .enumerate()
+        .skip(1)
+        .find_map(|(at, word)| program.find_subcommand(word).map(|verb| (at, verb)))
+}
+
+/// `mipvog-bake scene.mipvog`.
+fn a_file_alone(word: &str) -> Option<Mistaken> {
+    let path = Path::new(word);
+    let file = SourceFile::open(path);
+    if file.is_err() && !path.is_dir() {
+        return None;
+    }
+    let message = format!("{word} is a file, not a verb");
+    let help = match file {
+        Ok(file) if is_container(&file) || is_asset(&file) => {
+            format!("{} shows it", shell::command(["view", word]))
+        }
+        _ => {
+            let output = container_name(path);
+            let command = [OsString::from("bake"), word.into(), "-o".into(), output.into()];
+            format!("{} bakes it", shell::command(command))
+        }
+    };
+    Some(Mistaken { message, help })
+}
+
+/// `mipvog-bake bake in.tar out.mipvog`, or without an output at all.
+fn no_output(words: &[OsString]) -> Option<Mistaken> {
+    let is_path = |word: &&OsString| !word.to_string_lossy().starts_with('-');
+    let paths: Vec<&OsString> = words.iter().take_while(is_path).collect();
+    let (input, output) = match *paths {
+        [input] => (input, container_name(Path::new(input))),
+        [input, output] => (input, PathBuf::from(output)),
+        _ => return None,
+    };
+    let command = ["bake".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
+    Some(Mistaken {
+        message: "there is no output: it goes after -o".to_owned(),
+        help: shell::command(command),
+    })
+}
+
+/// `mipvog-bake transcode in.mipvog out.mipvog`.
+fn a_second_path(word: &str, verb: &clap::Command) -> Option<Mistaken> {
+    let has_output = verb.get_arguments().any(|own| own.get_id() == "output");
+    has_output.then(|| Mistaken {
+        message: format!("unexpected argument '{word}'"),
+        help: format!("an output goes after -o: -o {}", shell::quoted(word)),
+    })
+}
+
+/// `mipvog-bake transcode --quality 50`.
+fn an_option_of_others(
+    name: &str,
+    verb: &clap::Command,
+    (at, words): (usize, &[OsString]),
+    program: &clap::Command,
+) -> Option<Mistaken> {
+    let has =
+        |other: &&clap::Command| other.get_arguments().any(|own| own.get_long() == Some(name));
+    let others: Vec<&str> =
+        program.get_subcommands().filter(has).map(clap::Command::get_name).collect();
+    if others.is_empty() {
+        return None;
+    }
+    let message = format!("{} has no option --{name}", verb.get_name());
+    let help = match verb.get_name() {
+        "transcode" if others.contains(&"bake") => {
+            let rest = words.iter().skip(at + 1).cloned();
+            let command = shell::command(std::iter::once(OsString::from("bake")).chain(rest));
+            format!("bake takes containers too: {command}")
+        }
+        _ => format!("--{name} is an option of {}", others.join(", ")),
+    };
+    Some(Mistaken { message, help })
+}
+
+/// The container that is made of an input where only a folder is named.
+pub fn container_name(input: &Path) -> PathBuf {
+    let stem = input.file_stem().filter(|_| input != Path::new(STANDARD_STREAM));
+    named(stem.unwrap_or("scene".as_ref()))
+}
+
+fn named(stem: &OsStr) -> PathBuf {
+    let mut name = stem.to_owned();
+    // What stands behind another dot is part of the stem.
+    name.push(".mipvog");
+    name.into()
+}
+
+/// The containers of several inputs in a folder: by the names of the files, or of their folders
+/// where files are alike, as checkpoints are.
+///
+/// # Errors
+/// `Usage` where two would have one name.
+pub fn container_names(inputs: &[PathBuf], folder: &Path) -> Result<Vec<PathBuf>> {
+    let of_files: Vec<PathBuf> = inputs.iter().map(|input| container_name(input)).collect();
+    let is_new = |names: &[PathBuf]| {
+        let mut sorted: Vec<&PathBuf> = names.iter().collect();
+        sorted.sort_unstable();
+        sorted.windows(2).all(|two| two[0] != two[1])
+    };
+    let of_folders = || {
+        let folders = inputs.iter().map(|input| input.parent()?.file_name());
+        let names = folders.map(|name| name.map(named));
+        names.collect::<Option<Vec<PathBuf>>>()
+    };
+    let names = match is_new(&of_files) {
+        true => Some(of_files),
+        false => of_folders().filter(|names| is_new(names)),
+    };
+    let names = names.ok_or_else(|| {
+        let message = "two of the inputs have one name, and their folders do too";
+        Error::usage(message).advise("bake them one by one, or name outputs in a --manifest")
+    })?;
+    Ok(names.into_iter().map(|name| folder.join(name)).collect())
+}
+
+/// True if a path names a folder: it ends with a slash.
+pub fn is_folder_name(path: &Path) -> bool {
+    path.as_os_str().to_string_lossy().ends_with(std::path::is_separator)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn containers_are_named_by_files_or_else_by_folders() {
+        let names = |inputs: &[&str]| {
+            let inputs: Vec<PathBuf> = inputs.iter().map(PathBuf::from).collect();
+            let names = container_names(&inputs, Path::new("out")).ok()?;
+            Some(names.iter().map(|name| name.display().to_string()).collect::<Vec<_>>())
+        };
+        let found = |expected: &[&str]| Some(expected.iter().map(ToString::to_string).collect());
+        assert_eq!(names(&["a.tar", "s/b.npz"]), found(&["out/a.mipvog", "out/b.mipvog"]));
+        assert_eq!(names(&["step.10.pt"]), found(&["out/step.10.mipvog"]));
+        let checkpoints = ["s/lego/fine_last.tar", "s/chair/fine_last.tar"];
+        assert_eq!(names(&checkpoints), found(&["out/lego.mipvog", "out/chair.mipvog"]));
+        assert_eq!(names(&["a/x.tar", "b/a/x.tar"]), None);
+        assert_eq!(names(&["x.tar", "x.npz"]), None);
+    }
+}
