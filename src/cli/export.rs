@@ -61,6 +61,10 @@ pub struct Arguments {
     /// Level to export; 0 is the finest
     #[arg(long, value_name = "K", default_value_t = 0)]
     level: usize,
+    /// Box of a world to export; 0 is the innermost. Larger ones have a hole where the next smaller
+    /// box is [default: 0]
+    #[arg(long = "box", value_name = "K")]
+    number: Option<usize>,
     /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]
     #[arg(long, value_name = "K", conflicts_with = "resolution")]
     supersample: Option<usize>,
@@ -212,7 +216,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         cameras: cameras.len(),
         required_psnr: arguments.require_psnr,
         passed,
-        lost: lost_of(exported.lost, is_inner),
+        lost: lost_of(exported.lost, is_inner.then_some(arguments.number.unwrap_or(0))),
         details: exported.details,
     };
     let output = arguments.output.display();
@@ -225,10 +229,12 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Ok(Outcome { failure, ..outcome })
 }
 
-/// What an export lacks; of nested boxes it shows the innermost.
-fn lost_of(mut lost: Vec<String>, is_inner: bool) -> Vec<String> {
-    if is_inner {
-        lost.insert(0, "the world around the innermost of the nested boxes".to_owned());
+/// What an export lacks; of nested boxes it shows the one of this number.
+fn lost_of(mut lost: Vec<String>, number: Option<usize>) -> Vec<String> {
+    match number {
+        None => {}
+        Some(0) => lost.insert(0, "the world around the innermost of the nested boxes".to_owned()),
+        Some(number) => lost.insert(0, format!("all nested boxes but number {number}")),
     }
     lost
 }
@@ -331,8 +337,16 @@ impl Arguments {
             let march = &mut field.view_mut().march;
             (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
         }
-        if !field.view().boxes.is_empty() && !format.takes_container() {
-            field = self.inner_box(&scene, &options.limits)?;
+        let boxes = field.view().boxes.len().max(1);
+        if let Some(number) = self.number {
+            let expected = format!("a box below {boxes}");
+            Error::require_option(number < boxes, "box", number, &expected)?;
+            if format.takes_container() {
+                return Err(Error::usage(format!("--to {} holds all boxes", format.name())));
+            }
+        }
+        if boxes > 1 && !format.takes_container() {
+            field = self.one_box(&scene, &options.limits)?;
         }
         if let Some(crop) = &self.crop {
             field.crop(crop)?;
@@ -346,14 +360,14 @@ impl Arguments {
         Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
     }
 
-    /// The innermost of nested boxes, which is what formats of other programs hold.
-    fn inner_box(&self, scene: &SceneArguments, limits: &Limits) -> Result<Renderer> {
+    /// One of nested boxes, which is what formats of other programs hold.
+    fn one_box(&self, scene: &SceneArguments, limits: &Limits) -> Result<Renderer> {
         let Some(container) = self.which.container(&self.field, limits)? else {
-            let message = "an export shows the inner box of a world alone: bake the input first, or \
-                           add --drop-background";
+            let message = "an export shows one box of a world: bake the input first, or add \
+                           --drop-background";
             return Err(Error::usage(message));
         };
-        scene.open_baked(&container.read()?.inner_box(), None, limits)
+        scene.open_baked(&container.read()?.one_box(self.number.unwrap_or(0)), None, limits)
     }
 
     /// The settings that the field is opened with. The resolution is the export's alone, but for

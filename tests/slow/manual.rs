@@ -24,13 +24,15 @@ fn workplace() -> tempfile::TempDir {
     let copy = |from: &str, to: &str| {
         let to = folder.path().join(to);
         std::fs::create_dir_all(to.parent().expect("a folder")).expect("writable");
-        std::fs::copy(fixture("trained").join(from), to).expect("copied");
+        std::fs::copy(fixture(from), to).expect("copied");
     };
-    copy("lego64/fine_last.tar", "fine_last.tar");
-    copy("lego64/coarse_last.tar", "coarse_last.tar");
-    copy("lego64/transforms_test.json", "transforms.json");
-    copy("tiny/fine_last.tar", "scenes/chair/fine_last.tar");
-    copy("tiny/fine_last.tar", "scenes/lamp/fine_last.tar");
+    copy("trained/lego64/fine_last.tar", "fine_last.tar");
+    copy("trained/lego64/coarse_last.tar", "coarse_last.tar");
+    copy("trained/lego64/transforms_test.json", "transforms.json");
+    copy("trained/tiny/fine_last.tar", "scenes/chair/fine_last.tar");
+    copy("trained/tiny/fine_last.tar", "scenes/lamp/fine_last.tar");
+    copy("voxels/svraster_unbounded.pt", "garden.pt");
+    copy("voxels/svraster_unbounded.config.yaml", "garden.config.yaml");
     folder
 }
 

@@ -264,3 +264,43 @@ fn what_worlds_lack_is_refused_by_name() {
     assert_eq!((fewer.metadata().levels.len(), fewer.metadata().shells.len()), (3, 2));
     assert!(fewer.read().is_ok());
 }
+
+#[test]
+fn a_box_of_a_world_is_a_field_of_its_own() {
+    let container = baked(&world(33, 3), &BakeOptions::default());
+    let whole = Renderer::of_container(&container).expect("a renderer");
+    let boxes = container.metadata().boxes();
+    let field = container.read().expect("a field");
+    for (number, own) in boxes.iter().enumerate() {
+        let one = field.clone().one_box(number);
+        one.check().expect("levels that fit");
+        assert_eq!(one.metadata.bounds, *own);
+        let one = Renderer::baked(&one, &Limits::default()).expect("a field of one box");
+        let smaller = number.checked_sub(1).map(|smaller| boxes[smaller]);
+        let (mut compared, mut dense) = (0, 0);
+        for place in 0..1000 {
+            let at = [place / 100, place / 10 % 10, place % 10];
+            let at: [f64; 3] = std::array::from_fn(|axis| {
+                let [low, high] = [own.min, own.max].map(|corner| f64::from(corner[axis]));
+                low + (at[axis] as f64 + 0.37) / 10.0 * (high - low)
+            });
+            let within = |bounds: &Bounds| {
+                (0..3).all(|axis| {
+                    (f64::from(bounds.min[axis])..=f64::from(bounds.max[axis])).contains(&at[axis])
+                })
+            };
+            if smaller.as_ref().is_some_and(within) {
+                continue;
+            }
+            let [a, b] = [&whole, &one].map(|of| of.sample(at, 0).expect("a point").density);
+            assert!((a - b).abs() <= 1e-5 * a.abs(), "box {number} at {at:?}: {a} {b}");
+            compared += 1;
+            dense += usize::from(a > 0.5);
+        }
+        assert!(compared > 500 && dense > 20, "box {number}: {compared}, {dense} dense");
+    }
+    let last = boxes.len() - 1;
+    assert_eq!(field.clone().one_box(last), field.clone().one_box(last + 5));
+    let same = field.one_box(0);
+    assert_eq!(same.clone().one_box(2), same);
+}

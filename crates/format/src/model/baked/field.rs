@@ -1,6 +1,6 @@
 //! A container's content, decoded to codes.
 
-use super::{Codes, GROUPS, Group, Metadata, Table};
+use super::{Codes, GROUPS, Group, LevelMetadata, Metadata, Table};
 use crate::base::error::{Error, Place, Result};
 use crate::model::scene::FreeSpace;
 use crate::model::view_mlp::ViewMlp;
@@ -24,17 +24,42 @@ pub struct BakedField {
 impl BakedField {
     /// What lies in the box of level 0 alone: the levels that span it, without shells.
     #[must_use]
-    pub fn inner_box(mut self) -> Self {
+    pub fn inner_box(self) -> Self {
+        self.one_box(0)
+    }
+
+    /// What lies in one of nested boxes, 0 being that of level 0, as a field of one box: its level 0
+    /// is the box's shell, which has a hole where the next smaller box is. A box that is not there is
+    /// the outermost.
+    #[must_use]
+    pub fn one_box(mut self, number: usize) -> Self {
+        let metadata = &self.metadata;
+        if metadata.shells.is_empty() {
+            return self;
+        }
+        let number = number.min(metadata.shells.len());
+        let coarser = number + 1..metadata.levels.len();
+        let coarser = coarser.filter(|level| metadata.box_of_part(*level) == number);
+        let own: Vec<usize> = metadata.shell_of(number).into_iter().chain(coarser).collect();
+        let own = if number == 0 { [&[0][..], &own].concat() } else { own };
+        let bounds = metadata.level_bounds(number);
+        let parts = own.iter().filter_map(|part| metadata.part(*part).cloned());
+        let parts: Vec<_> = parts.map(|part| LevelMetadata { bounds: None, ..part }).collect();
+        self.levels = own.iter().filter_map(|part| self.levels.get(*part).cloned()).collect();
         let metadata = &mut self.metadata;
-        if !metadata.shells.is_empty() {
-            metadata.shells.clear();
-            // Level 1 is the last that spans the box of level 0.
-            metadata.levels.truncate(2);
-            self.levels.truncate(metadata.levels.len());
-            self.finest = self.finest.min(metadata.levels.len().saturating_sub(1));
-            if !metadata.march.samples_within(&metadata.bounds) {
-                metadata.march.sampled = None;
-            }
+        (metadata.levels, metadata.bounds) = (parts, bounds);
+        metadata.shells.clear();
+        self.finest = self.finest.saturating_sub(number).min(self.levels.len().saturating_sub(1));
+        // Densities of a shell are over twice the interval of the next smaller box.
+        let longer = libm::ldexpf(1.0, i32::try_from(number).unwrap_or(0));
+        metadata.activation.interval *= longer;
+        metadata.march.voxel_size *= longer;
+        metadata.march.voxel = metadata.march.voxel.map(|edges| edges.map(|edge| edge * longer));
+        if number > 0 {
+            (metadata.free_space, self.free_space) = (false, None);
+        }
+        if !metadata.march.samples_within(&metadata.bounds) {
+            metadata.march.sampled = None;
         }
         self
     }
