@@ -136,7 +136,7 @@ impl Octree {
             order = rest;
             let built = self.build(own, depth + 1, path, level, budget)?;
             let node = self.nodes.get_mut(number as usize);
-            if let Some(out) = node.and_then(|node| node.iter_mut().nth(usize_of(child))) {
+            if let Some(out) = node.and_then(|node| node.get_mut(usize_of(child))) {
                 *out = built;
             }
         }
@@ -157,8 +157,7 @@ impl Octree {
     /// The smallest part that holds a cube of the finest level, and its place: a voxel or nothing.
     pub(super) fn find(&self, at: [u32; 3]) -> (Option<u32>, Cube) {
         let (mut found, mut cube) = (self.root, Cube::ROOT);
-        loop {
-            let Part::Node(node) = part(found) else { break };
+        while let Part::Node(node) = part(found) {
             let half = cube.edge / 2;
             let bits = at.iter().zip(cube.corner).fold(0, |bits, (at, corner)| {
                 bits << 1 | u32::from(at.saturating_sub(corner) >= half)
@@ -185,9 +184,7 @@ fn every_third(bits: u64) -> u32 {
     ] {
         bits = (bits | bits >> shift) & mask;
     }
-    #[expect(clippy::cast_possible_truncation, reason = "16 bits")]
-    let found = (bits & 0xffff) as u32;
-    found
+    u32::try_from(bits & 0xffff).unwrap_or(0)
 }
 
 fn part(stored: u32) -> Part {
