@@ -10,12 +10,13 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::cameras::CameraSource;
 use super::output::STANDARD_STREAM;
-use super::values::{Background, parse_background, parse_mlp, parse_view};
+use super::values::{Background, parse_appearance, parse_background, parse_mlp, parse_view};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::model::camera::{self, Camera};
-use mipvog_inputs::{MlpChoice, SourceOptions, ViewChoice};
+use crate::model::camera::Camera;
+use mipvog_inputs::{AppearanceChoice, MlpChoice, SourceOptions, ViewChoice};
 use mipvog_inputs::{SceneSettings, Source};
 
 /// The user's settings for a scene, beside those of its file.
@@ -53,11 +54,12 @@ pub struct SceneArguments {
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
     /// Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
-    /// contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP
+    /// contracted space of DirectVoxGO, MERF and nerfacto, everything beyond the unit cube of
+    /// Instant-NGP
     #[arg(long)]
     pub drop_background: bool,
-    /// Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
-    /// torch-ngp) [default: 256], or along an edge of an unbounded scene's first box [default: as
+    /// Nodes along the longest axis at which to sample a model without nodes (Instant-NGP, torch-ngp,
+    /// nerfacto) [default: 256], or along an edge of an unbounded scene's first box [default: as
     /// many as the model has there]; cells along each axis of PeRFception's Plenoxels; for export,
     /// cubic cells along the longest axis instead of nodes
     #[arg(long, value_name = "N")]
@@ -66,6 +68,10 @@ pub struct SceneArguments {
     /// [default: all that the model shows]
     #[arg(long, value_name = "F")]
     pub extent: Option<f32>,
+    /// Appearance of a nerfacto model: mean, zero, or that of a training picture by its number, from
+    /// 0 [default: as in nerfstudio's own pictures]
+    #[arg(long, value_name = "mean|zero|N", value_parser = parse_appearance)]
+    pub appearance: Option<AppearanceChoice>,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -108,6 +114,7 @@ impl SceneArguments {
             drop_background: self.drop_background,
             resolution: self.resolution,
             extent: self.extent,
+            appearance: self.appearance.unwrap_or_default(),
         }
     }
 
@@ -121,6 +128,7 @@ impl SceneArguments {
             drop_background: false,
             resolution: None,
             extent: None,
+            appearance: None,
             ..self.clone()
         }
     }
@@ -129,6 +137,7 @@ impl SceneArguments {
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
         let reads = self.drop_background || self.resolution.is_some() || self.extent.is_some();
+        let reads = reads || self.appearance.is_some();
         other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 
@@ -140,7 +149,7 @@ impl SceneArguments {
     pub fn settings(
         &self,
         input: &Path,
-        cameras: Option<&Path>,
+        cameras: Option<&CameraSource>,
         limits: &Limits,
     ) -> Result<FoundSettings> {
         let mut options = self.source_options();
@@ -163,13 +172,13 @@ impl SceneArguments {
             false => SceneSettings::beside(input, limits)?,
         };
         // A camera file that cannot be read is told by the reader of cameras.
-        if let Some(path) = cameras
-            && let Ok(found) = camera::read(path, Some([1; 2]), limits)
+        if let Some(file) = cameras
+            && let Ok(found) = file.read(Some([1; 2]), limits)
         {
             let place = |camera: &Camera| camera.to_world.w_axis.truncate().to_array();
             options.cameras = found.sound().map(place).collect();
         }
-        let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
+        let cameras = cameras.and_then(|file| SceneSettings::read(&file.path, limits).ok());
         for stated in beside.into_iter().chain(cameras) {
             let names = stated.complete(&mut options);
             let name = stated.path.file_name().unwrap_or_default().to_string_lossy().into_owned();

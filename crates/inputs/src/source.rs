@@ -76,6 +76,8 @@ pub enum Family {
     InstantNgp,
     /// torch-ngp.
     TorchNgp,
+    /// nerfstudio's nerfacto.
+    Nerfacto,
     /// Volumes of programs for effects, in OpenVDB files.
     Vdb,
 }
@@ -90,7 +92,7 @@ impl Source {
 impl Family {
     /// True for models without a grid of values: nodes are placed as the user says.
     pub const fn is_sampled(self) -> bool {
-        matches!(self, Self::InstantNgp | Self::TorchNgp)
+        matches!(self, Self::InstantNgp | Self::TorchNgp | Self::Nerfacto)
     }
 
     /// Its name, as people know it.
@@ -106,6 +108,7 @@ impl Family {
             Self::Merf => "MERF",
             Self::InstantNgp => "Instant-NGP",
             Self::TorchNgp => "torch-ngp",
+            Self::Nerfacto => "nerfacto",
             Self::Vdb => "OpenVDB",
         }
     }

@@ -10,6 +10,8 @@ use crate::model::field::Lattice;
 use crate::model::grid::Nodes;
 use crate::network::{Colors, NodeColors, OnNode, visit};
 
+/// Nodes that are prepared at once.
+const AT_ONCE: usize = 32;
 /// Points that stop a smaller share of the light than this add no colour.
 const FAINT: f64 = 0.02;
 
@@ -81,22 +83,46 @@ impl<W: ColoredWorld> NodeColors for SampledColors<W> {
         region: &[u64],
         on_node: OnNode<'_, W::Along>,
     ) -> Result<()> {
-        let mut densities = Vec::new();
         let mut of_point: Colors = Colors::default();
+        let mut found = W::Places::default();
+        let mut next = Group::default();
+        let mut show = |group: &mut Group| {
+            self.world.places(loaded, &group.points, &mut found);
+            let mut first = 0;
+            for (node, shares) in group.nodes.drain(..) {
+                on_node(node, &mut |along, colors| {
+                    colors.iter_mut().for_each(Vec::clear);
+                    for (number, share) in (first..).zip(&shares) {
+                        self.world.colors(loaded, along, &mut found, number, &mut of_point);
+                        for (sums, found) in colors.iter_mut().zip(&of_point) {
+                            sums.resize(found.len(), 0.0);
+                            let terms = sums.iter_mut().zip(found);
+                            terms.for_each(|(sum, color)| *sum += share * color);
+                        }
+                    }
+                });
+                first += shares.len();
+            }
+            group.points.clear();
+        };
+        let mut densities = Vec::new();
         visit(self.lattice.nodes, region, |[y, z]| {
             let shares = self.shares(loaded, [x, y, z], &mut densities);
-            on_node([y, z], &mut |along, colors| {
-                colors.iter_mut().for_each(Vec::clear);
-                for (point, share) in &shares {
-                    self.world.colors(loaded, along, *point, &mut of_point);
-                    for (sums, found) in colors.iter_mut().zip(&of_point) {
-                        sums.resize(found.len(), 0.0);
-                        let terms = sums.iter_mut().zip(found);
-                        terms.for_each(|(sum, color)| *sum += share * color);
-                    }
-                }
-            });
+            next.points.extend(shares.iter().map(|(point, _)| *point));
+            next.nodes.push(([y, z], shares.into_iter().map(|(_, share)| share).collect()));
+            if next.nodes.len() == AT_ONCE {
+                show(&mut next);
+            }
         });
+        show(&mut next);
         Ok(())
     }
+}
+
+/// Nodes whose points are prepared together.
+#[derive(Debug, Default)]
+struct Group {
+    /// Each with the shares of its points.
+    nodes: Vec<([usize; 2], Vec<f64>)>,
+    points: Vec<[f64; 3]>,
 }

@@ -11,6 +11,8 @@ use crate::model::field::{Lattice, NodeValues, Scene};
 use crate::model::grid::Nodes;
 use crate::network::visit;
 
+/// Positions that a model is asked for at once, about.
+const AT_ONCE: usize = 512;
 /// Optical depth between two nodes behind which nothing is seen.
 const OPAQUE: f64 = 60.0;
 
@@ -83,16 +85,31 @@ impl<W: World> NodeValues for SampledDensity<W> {
     fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let loaded = self.world.load()?;
         let Nodes([_, _, nz]) = self.lattice.nodes;
-        let mut densities = Vec::new();
-        visit(self.lattice.nodes, region, |[y, z]| {
-            let points = points(&*self.world, &self.lattice, [x, y, z], false);
+        let (mut positions, mut densities) = (Vec::new(), Vec::new());
+        // Places of nodes in the plane, and how many positions each has.
+        let mut nodes: Vec<(usize, usize)> = Vec::new();
+        let mut find = |positions: &mut Vec<[f64; 3]>, nodes: &mut Vec<(usize, usize)>| {
             densities.clear();
-            self.world.densities(&loaded, &points, self.masked, &mut densities);
-            let mean = densities.iter().sum::<f64>() / points.len() as f64;
-            if let Some(out) = out.get_mut(y * nz + z) {
-                *out = self.raw.of(mean);
+            self.world.densities(&loaded, positions, self.masked, &mut densities);
+            let mut left = densities.as_slice();
+            for (at, count) in nodes.drain(..) {
+                let (own, rest) = left.split_at(count.min(left.len()));
+                left = rest;
+                if let Some(out) = out.get_mut(at) {
+                    *out = self.raw.of(own.iter().sum::<f64>() / count as f64);
+                }
+            }
+            positions.clear();
+        };
+        visit(self.lattice.nodes, region, |[y, z]| {
+            let own = points(&*self.world, &self.lattice, [x, y, z], false);
+            nodes.push((y * nz + z, own.len()));
+            positions.extend(own);
+            if positions.len() >= AT_ONCE {
+                find(&mut positions, &mut nodes);
             }
         });
+        find(&mut positions, &mut nodes);
         Ok(0)
     }
 }

@@ -44,16 +44,22 @@ pub trait World: Debug + Send + Sync {
 pub trait ColoredWorld: World {
     /// Directions, prepared for its colours.
     type Along;
+    /// What colours depend on beside the direction, at many positions.
+    type Places: Default;
 
     /// Prepares unit directions into the scene.
     fn along(&self, loaded: &Self::Loaded, directions: &[[f64; 3]]) -> Self::Along;
 
-    /// The colours at a position along directions.
+    /// Prepares positions.
+    fn places(&self, loaded: &Self::Loaded, positions: &[[f64; 3]], places: &mut Self::Places);
+
+    /// The colours at one of the positions, by its number, along directions.
     fn colors(
         &self,
         loaded: &Self::Loaded,
         along: &Self::Along,
-        position: [f64; 3],
+        places: &mut Self::Places,
+        number: usize,
         colors: &mut Colors,
     );
 }
