@@ -35,6 +35,10 @@ impl World for NerfactoWorld {
         self.0.space.stretch(position) / CELLS
     }
 
+    fn is_probed(&self) -> bool {
+        true
+    }
+
     fn densities(
         &self,
         model: &Nerfacto,

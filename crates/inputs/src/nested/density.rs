@@ -3,13 +3,15 @@
 use std::sync::Arc;
 
 use super::cell::points;
+use super::matter::Matter;
 use super::world::World;
 use crate::base::error::Result;
-use crate::base::progress::Progress;
+use crate::base::progress::{Progress, Silent};
+use crate::lazy::Lazy;
 use crate::model::activate;
 use crate::model::field::{Lattice, NodeValues, Scene};
-use crate::model::grid::Nodes;
-use crate::network::visit;
+use crate::model::grid::{Nodes, row};
+use crate::network::{PlaneCache, visit};
 
 /// Positions that a model is asked for at once, about.
 const AT_ONCE: usize = 512;
@@ -25,6 +27,9 @@ pub struct SampledDensity<W> {
     raw: RawDensity,
     /// True for 0 where the model takes no samples; else a mask says so.
     masked: bool,
+    /// Of a model that is probed, the nodes near matter, and their densities for the next pass.
+    matter: Lazy<Matter>,
+    planes: PlaneCache,
 }
 
 /// Optical depths per world unit as raw densities of a softplus.
@@ -57,32 +62,18 @@ impl<W: World> SampledDensity<W> {
             densest: OPAQUE / spacing,
             empty: activation.empty_raw(),
         };
-        Self { world, lattice, raw, masked }
-    }
-}
-
-impl<W: World> NodeValues for SampledDensity<W> {
-    fn nodes(&self) -> Nodes {
-        self.lattice.nodes
+        let (matter, planes) = (Lazy::default(), PlaneCache::with_archive());
+        Self { world, lattice, raw, masked, matter, planes }
     }
 
-    fn channels(&self) -> usize {
-        1
+    fn matter(&self, progress: &dyn Progress) -> Result<Arc<Matter>> {
+        let loaded = self.world.load()?;
+        let find = || Matter::find(&*self.world, &loaded, &self.lattice, self.masked, progress);
+        self.matter.get(find)
     }
 
-    fn memory_bytes(&self) -> u64 {
-        self.world.memory_bytes()
-    }
-
-    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
-        self.world.digest(hash)
-    }
-
-    fn prepare(&self, _: &dyn Progress) -> Result<()> {
-        self.world.load().map(drop)
-    }
-
-    fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
+    /// Fills in the nodes of a region.
+    fn fill(&self, x: usize, region: &[u64], out: &mut [f32]) -> Result<()> {
         let loaded = self.world.load()?;
         let Nodes([_, _, nz]) = self.lattice.nodes;
         let (mut positions, mut densities) = (Vec::new(), Vec::new());
@@ -110,6 +101,56 @@ impl<W: World> NodeValues for SampledDensity<W> {
             }
         });
         find(&mut positions, &mut nodes);
+        Ok(())
+    }
+}
+
+impl<W: World> NodeValues for SampledDensity<W> {
+    fn nodes(&self) -> Nodes {
+        self.lattice.nodes
+    }
+
+    fn channels(&self) -> usize {
+        1
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        let own = match self.world.is_probed() {
+            true => Matter::bytes(self.lattice.nodes) + self.planes.bytes(self.lattice.nodes, 1),
+            false => 0,
+        };
+        self.world.memory_bytes() + own
+    }
+
+    fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
+        self.world.digest(hash)
+    }
+
+    fn prepare(&self, progress: &dyn Progress) -> Result<()> {
+        match self.world.is_probed() {
+            true => self.matter(progress).map(drop),
+            false => self.world.load().map(drop),
+        }
+    }
+
+    fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
+        if !self.world.is_probed() {
+            self.fill(x, region, out)?;
+            return Ok(0);
+        }
+        // Before the plane is locked.
+        let matter = self.matter(&Silent)?;
+        let mut near = region.to_vec();
+        row::and_into(&mut near, matter.plane(x));
+        let (nodes, words) = (self.lattice.nodes, row::words(self.lattice.nodes));
+        self.planes
+            .read(nodes, x, [0, 1], &near, out, |missing, values| self.fill(x, missing, values))?;
+        let Nodes([_, _, nz]) = nodes;
+        for (near, out) in near.chunks_exact(words).zip(out.chunks_exact_mut(nz)) {
+            for (start, end) in row::gaps(near, nz) {
+                out.get_mut(start..end).unwrap_or_default().fill(self.raw.empty);
+            }
+        }
         Ok(0)
     }
 }

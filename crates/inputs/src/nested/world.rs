@@ -29,6 +29,12 @@ pub trait World: Debug + Send + Sync {
     /// The distance at which the model tells values apart at a position, in world units.
     fn detail(&self, position: [f64; 3]) -> f64;
 
+    /// True for a model that is slow to ask and says nothing of empty space: it is probed where
+    /// boxes want to know of matter, and what is far from all that probes meet is empty.
+    fn is_probed(&self) -> bool {
+        false
+    }
+
     /// Adds the optical depth per world unit at each position. With `masked` it is 0 where the model
     /// takes no samples.
     fn densities(
