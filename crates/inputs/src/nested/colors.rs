@@ -12,6 +12,8 @@ use crate::network::{Colors, NodeColors, OnNode, visit};
 
 /// Nodes that are prepared at once.
 const AT_ONCE: usize = 32;
+/// Points of a node whose colours are asked for, at most.
+const MOST_COLORS: usize = 4;
 /// Points that stop a smaller share of the light than this add no colour.
 const FAINT: f64 = 0.02;
 
@@ -44,11 +46,33 @@ impl<W: ColoredWorld> SampledColors<W> {
         let shown: Vec<_> = shares.filter(|(_, share)| *share > FAINT * all).collect();
         let sum: f64 = shown.iter().map(|(_, share)| share).sum();
         match sum > 0.0 {
+            true if shown.len() > MOST_COLORS => chosen(&shown, sum),
             true => shown.into_iter().map(|(point, share)| (point, share / sum)).collect(),
             // Nothing is there, but the colour counts between this node and the next one.
             false => vec![(self.lattice.position(node), 1.0)],
         }
     }
+}
+
+/// A few of many points, that stand for equal parts of the light in the order of the points.
+fn chosen(shown: &[([f64; 3], f64)], sum: f64) -> Vec<([f64; 3], f64)> {
+    let each = sum / MOST_COLORS as f64;
+    let (mut passed, mut next) = (0.0, 0.5 * each);
+    let mut found = Vec::with_capacity(MOST_COLORS);
+    for (point, share) in shown {
+        passed += share;
+        let mut parts = 0.0;
+        while next < passed && found.len() < MOST_COLORS {
+            (parts, next) = (parts + 1.0, next + each);
+            if parts > 1.0 {
+                found.pop();
+            }
+            found.push((*point, parts));
+        }
+    }
+    let all: f64 = found.iter().map(|(_, parts)| parts).sum();
+    found.iter_mut().for_each(|(_, parts)| *parts /= all);
+    found
 }
 
 impl<W: ColoredWorld> NodeColors for SampledColors<W> {

@@ -24,8 +24,9 @@ use crate::model::grid::{Nodes, row};
 const EACH: usize = 8;
 /// Points around a probe that met matter which are near it.
 const REACH: usize = 4;
-/// A smaller optical depth from a node to the next one is empty.
-const FAINT: f64 = 1e-4;
+/// A smaller optical depth from a node to the next one is empty. A bake drops blocks of a few times as
+/// much, unless it is told to keep them.
+const FAINT: f64 = 5e-4;
 
 /// Rows of bits along z, plane by plane.
 #[derive(Debug)]
