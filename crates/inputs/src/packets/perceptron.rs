@@ -259,7 +259,7 @@ mod tests {
         let constants = [0.3, -2.0];
         let inputs = [1.0, 0.25, -0.5];
         let all: Vec<f64> = inputs.into_iter().chain(constants).collect();
-        let expected = plain(&[layer.clone()], &all);
+        let expected = plain(std::slice::from_ref(&layer), &all);
         let found = plain(&[layer.with_constants(3, &constants)], &inputs);
         assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-15));
     }

@@ -76,8 +76,8 @@ macro_rules! real {
         }
 
         impl Real for $real {
-            #[expect(clippy::cast_possible_truncation, reason = "packets may be float32")]
-            #[allow(clippy::unnecessary_cast, reason = "of float64")]
+            // One of the two needs the first, the other one the second.
+            #[allow(clippy::cast_possible_truncation, clippy::unnecessary_cast)]
             #[inline(always)]
             fn of(value: f64) -> Self {
                 value as $real
