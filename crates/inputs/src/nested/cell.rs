@@ -3,10 +3,19 @@
 use super::world::World;
 use crate::model::field::Lattice;
 
-/// Points along an edge of a cell, at most.
-const MOST_POINTS: usize = 4;
-/// A cell that is wider than the model's own by less than this share has one point.
-const SAME: f64 = 1e-3;
+/// How densely cells are filled with points.
+#[derive(Debug, Clone, Copy)]
+struct Density {
+    /// Points along an edge of a cell, at most.
+    most: usize,
+    /// A cell that is wider than the model's own by less than this share has one point.
+    same: f64,
+}
+
+/// Of models whose values are read.
+const READ: Density = Density { most: 4, same: 1e-3 };
+/// Of models that are slow to ask.
+const PROBED: Density = Density { most: 2, same: 0.2 };
 
 /// The points of a node's cell: a cube of them, or its own position where the model is not finer than
 /// the box.
@@ -24,12 +33,13 @@ impl Cell {
         let middle = lattice.position(node);
         let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
         let detail = world.detail(middle);
-        if spacing <= detail * (1.0 + SAME) {
+        let Density { most, same } = if world.is_probed() { PROBED } else { READ };
+        if spacing <= detail * (1.0 + same) {
             return Self { middle, count: 1, step: 0.0 };
         }
         let width = (spacing * spacing - detail * detail).sqrt();
         #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
-        let count = ((width / detail).ceil() as usize).clamp(2, MOST_POINTS);
+        let count = ((width / detail).ceil() as usize).clamp(2, most);
         Self { middle, count, step: width / count as f64 }
     }
 
