@@ -11,7 +11,7 @@ use super::outcome::{assumed, warn};
 use super::progress::Bar;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
-use crate::model::camera::{self, Camera, PickedCameras};
+use crate::model::camera::{self, Camera, CameraFile, PickedCameras, WorldTransform};
 use crate::model::grid::Bounds;
 use crate::view::panorama;
 use crate::view::render::Renderer;
@@ -37,6 +37,10 @@ pub struct CameraArguments {
     /// Camera file: NeRF-synthetic's transforms.json or nerfstudio's; or the folder with it
     #[arg(long, value_name = "FILE", value_parser = camera_path())]
     cameras: Option<PathBuf>,
+    /// nerfstudio's dataparser_transforms.json, which leads from the camera file's world to that of
+    /// the training: for models of nerfstudio, and their bakes
+    #[arg(long, value_name = "FILE", requires = "cameras")]
+    camera_transform: Option<PathBuf>,
     /// N cameras on a circle around the box; instead of a camera file
     #[arg(long, value_name = "N", conflicts_with = "cameras",
           value_parser = clap::value_parser!(u16).range(1..))]
@@ -51,6 +55,31 @@ pub struct CameraArguments {
     /// Set once the warnings of the file are told: a verb may ask for the cameras again.
     #[arg(skip)]
     told: OnceLock<()>,
+}
+
+/// A camera file, and the transform of its cameras.
+#[derive(Debug, Clone)]
+pub struct CameraSource {
+    /// The file.
+    pub path: PathBuf,
+    /// nerfstudio's `dataparser_transforms.json`, if the cameras are moved by it.
+    pub transform: Option<PathBuf>,
+}
+
+impl CameraSource {
+    /// Reads the cameras; see [`camera::read`].
+    pub fn read(&self, size: Option<[usize; 2]>, limits: &Limits) -> Result<CameraFile> {
+        let file = camera::read(&self.path, size, limits)?;
+        Ok(match &self.transform {
+            Some(path) => file.moved(&WorldTransform::read(path, limits)?),
+            None => file,
+        })
+    }
+
+    /// The files that are read.
+    pub fn paths(self) -> impl Iterator<Item = PathBuf> {
+        [self.path].into_iter().chain(self.transform)
+    }
 }
 
 /// Pixels along a row, and rows.
@@ -69,8 +98,9 @@ impl CameraArguments {
     }
 
     /// The camera file, if there is one.
-    pub fn file(&self) -> Option<PathBuf> {
-        self.cameras.clone()
+    pub fn file(&self) -> Option<CameraSource> {
+        let path = self.cameras.clone()?;
+        Some(CameraSource { path, transform: self.camera_transform.clone() })
     }
 
     /// Cameras of a turntable, if one is asked for.
@@ -106,14 +136,14 @@ impl CameraArguments {
 
     /// The picked cameras of the file, if there is one.
     pub fn of_file(&self, common: &Common) -> Result<Option<Vec<Camera>>> {
-        let Some(path) = &self.cameras else { return Ok(None) };
-        let read = camera::read(path, self.size.map(|Size(size)| size), &common.limits());
-        let read = read.map_err(|error| match is_of_others(path) {
+        let Some(file) = self.file() else { return Ok(None) };
+        let read = file.read(self.size.map(|Size(size)| size), &common.limits());
+        let read = read.map_err(|error| match is_of_others(&file.path) {
             true => error.advise(OF_OTHERS),
             false => error,
         })?;
         let picked = read.pick(&self.frames)?;
-        self.told.get_or_init(|| warn_of_cameras(path, &picked, common));
+        self.told.get_or_init(|| warn_of_cameras(&file.path, &picked, common));
         Ok(Some(picked.cameras))
     }
 

@@ -117,7 +117,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     let (which, cameras) = (arguments.which, arguments.cameras.file());
     which.check(&[&arguments.reference, &arguments.field])?;
-    let cameras = cameras.as_deref();
+    let cameras = cameras.as_ref();
     // Beside a model, its options are no mistake about a container.
     let is_baked = |path: &Path| Ok(which.container(path, &common.limits())?.is_some());
     let baked = match pictures {

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::cameras::{CameraArguments, check_memory};
+use super::cameras::{CameraArguments, CameraSource, check_memory};
 use super::common::Common;
 use super::field::FieldArguments;
 use super::guess::input_path;
@@ -330,7 +330,7 @@ impl Arguments {
         let file = SourceFile::open(&mipvog_inputs::file_of(&path))?;
         let scene = self.scene_of_source(&options.limits)?;
         let cameras = self.cameras.file();
-        let mut field = scene.open(&self.field, self.which, None, cameras.as_deref(), common)?;
+        let mut field = scene.open(&self.field, self.which, None, cameras.as_ref(), common)?;
         if cameras.is_none() {
             // These bounds are of the cameras that the scene was trained from. From elsewhere they
             // would cut parts off.
@@ -354,7 +354,7 @@ impl Arguments {
         let name = Path::new(&self.field).file_name().unwrap_or_default();
         let name = name.to_string_lossy().into_owned();
         let container = match format.takes_container() {
-            true => Some(self.container(cameras.as_deref(), &options.limits)?),
+            true => Some(self.container(cameras.as_ref(), &options.limits)?),
             false => None,
         };
         Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
@@ -389,7 +389,7 @@ impl Arguments {
     }
 
     /// The bytes of the container; a trained input is baked with default options.
-    fn container(&self, cameras: Option<&Path>, limits: &Limits) -> Result<Vec<u8>> {
+    fn container(&self, cameras: Option<&CameraSource>, limits: &Limits) -> Result<Vec<u8>> {
         if let Some(container) = self.which.container(&self.field, limits)? {
             let file = container.file();
             return file.read_bounded(

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::cameras::CameraSource;
 use super::common::Common;
 use super::outcome::{assumed, warn};
 use super::scene::SceneArguments;
@@ -87,7 +88,7 @@ impl SceneArguments {
         path: &Path,
         which: FieldArguments,
         filter: Option<Filter>,
-        cameras: Option<&Path>,
+        cameras: Option<&CameraSource>,
         common: &Common,
     ) -> Result<Renderer> {
         let limits = common.limits();
@@ -111,7 +112,7 @@ impl SceneArguments {
         path: &Path,
         which: FieldArguments,
         filter: Option<Filter>,
-        cameras: Option<&Path>,
+        cameras: Option<&CameraSource>,
         common: &Common,
     ) -> Result<Renderer> {
         let limits = common.limits();
@@ -154,8 +155,8 @@ impl SceneArguments {
         match self.reads_a_model() {
             false => Ok(()),
             true => Err(Error::usage(
-                "--coarse, --mlp, --scene-scale, --view, --resolution, --extent and \
-                 --drop-background belong to trained inputs; a container states these itself",
+                "--coarse, --mlp, --scene-scale, --view, --resolution, --extent, \
+                 --appearance and --drop-background belong to trained inputs; a container states these itself",
             )),
         }
     }

@@ -1,12 +1,12 @@
 //! The quality gate of `bake`: it measures the container's pictures before the file gets its name.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 use serde::Serialize;
 
 use super::bake::short_name;
-use super::cameras::CameraArguments;
+use super::cameras::{CameraArguments, CameraSource};
 use super::common::Common;
 use super::compare::errors_text;
 use super::outcome::counted;
@@ -74,7 +74,7 @@ impl GateArguments {
     }
 
     /// The camera file, if there is one.
-    pub fn camera_file(&self) -> Option<PathBuf> {
+    pub fn camera_file(&self) -> Option<CameraSource> {
         self.cameras.file()
     }
 

@@ -193,7 +193,7 @@ impl Arguments {
         let (which, filter) = (self.which, self.filter);
         which.check(&[&self.field])?;
         let mut field =
-            self.scene.open_or_prefix(&self.field, which, filter, cameras.as_deref(), common)?;
+            self.scene.open_or_prefix(&self.field, which, filter, cameras.as_ref(), common)?;
         check_levels(self.level_of_detail, &field)?;
         if self.viewpoints.makes(&self.cameras) {
             // These bounds are of the cameras that the scene was trained from. From elsewhere they

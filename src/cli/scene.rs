@@ -10,13 +10,14 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::cameras::CameraSource;
 use super::layout::TIE;
 use super::output::STANDARD_STREAM;
-use super::values::{Background, parse_background, parse_mlp, parse_view};
+use super::values::{Background, parse_appearance, parse_background, parse_mlp, parse_view};
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
-use crate::model::camera::{self, Camera};
-use mipvog_inputs::{MlpChoice, SourceOptions, ViewChoice};
+use crate::model::camera::Camera;
+use mipvog_inputs::{AppearanceChoice, MlpChoice, SourceOptions, ViewChoice};
 use mipvog_inputs::{SceneSettings, Source};
 
 /// The user's settings for a scene, beside those of its file.
@@ -56,7 +57,8 @@ pub struct SceneArguments {
     #[arg(long, value_name = "keep|sh:D|none", default_value = "keep", value_parser = parse_view)]
     pub view: ViewChoice,
     /// Keep only the inner box of an unbounded scene. Left out are Plenoxels' background spheres,
-    /// the contracted space of DirectVoxGO and MERF, and all beyond the unit cube of Instant-NGP
+    /// the contracted space of DirectVoxGO, MERF and nerfacto, and all beyond the unit cube of
+    /// Instant-NGP
     #[arg(long)]
     pub drop_background: bool,
     /// Voxels along the longest axis of a model without a grid, such as Instant-NGP [default: 256;
@@ -68,6 +70,10 @@ pub struct SceneArguments {
     /// [default: all that the model shows]
     #[arg(long, value_name = "F")]
     pub extent: Option<f32>,
+    /// Appearance of a nerfacto model: mean, zero, or that of a training picture by its number, from
+    /// 0 [default: as in nerfstudio's own pictures]
+    #[arg(long, value_name = "mean|zero|N", value_parser = parse_appearance)]
+    pub appearance: Option<AppearanceChoice>,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -110,6 +116,7 @@ impl SceneArguments {
             drop_background: self.drop_background,
             resolution: self.resolution,
             extent: self.extent,
+            appearance: self.appearance.unwrap_or_default(),
         }
     }
 
@@ -123,6 +130,7 @@ impl SceneArguments {
             drop_background: false,
             resolution: None,
             extent: None,
+            appearance: None,
             ..self.clone()
         }
     }
@@ -131,6 +139,7 @@ impl SceneArguments {
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
         let reads = self.drop_background || self.resolution.is_some() || self.extent.is_some();
+        let reads = reads || self.appearance.is_some();
         other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 
@@ -142,7 +151,7 @@ impl SceneArguments {
     pub fn settings(
         &self,
         input: &Path,
-        cameras: Option<&Path>,
+        cameras: Option<&CameraSource>,
         limits: &Limits,
     ) -> Result<FoundSettings> {
         let mut options = self.source_options();
@@ -165,13 +174,13 @@ impl SceneArguments {
             false => SceneSettings::beside(input, limits)?,
         };
         // A camera file that cannot be read is told by the reader of cameras.
-        if let Some(path) = cameras
-            && let Ok(found) = camera::read(path, Some([1; 2]), limits)
+        if let Some(file) = cameras
+            && let Ok(found) = file.read(Some([1; 2]), limits)
         {
             let place = |camera: &Camera| camera.to_world.w_axis.truncate().to_array();
             options.cameras = found.sound().map(place).collect();
         }
-        let cameras = cameras.and_then(|path| SceneSettings::read(path, limits).ok());
+        let cameras = cameras.and_then(|file| SceneSettings::read(&file.path, limits).ok());
         for stated in beside.into_iter().chain(cameras) {
             let names = stated.complete(&mut options);
             let name = stated.path.file_name().unwrap_or_default().to_string_lossy().into_owned();

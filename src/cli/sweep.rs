@@ -127,7 +127,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     settings.iter().try_for_each(|setting| setting.options.check())?;
     let limits = common.limits();
     let cameras = arguments.cameras.file();
-    let found = arguments.scene.settings(&arguments.input, cameras.as_deref(), &limits)?;
+    let found = arguments.scene.settings(&arguments.input, cameras.as_ref(), &limits)?;
     let file = tensor::open(&mipvog_inputs::file_of(&arguments.input), &limits)?;
     if file.unpacked_metadata().is_some() {
         let message = "an unpacked container holds what one setting kept; a sweep needs the \

@@ -7,7 +7,7 @@ use crate::base::limits::LimitName;
 use crate::model::grid::Bounds;
 use crate::model::harmonics::Harmonics;
 use crate::quantize::Bits;
-use mipvog_inputs::{MlpChoice, ViewChoice};
+use mipvog_inputs::{AppearanceChoice, MlpChoice, ViewChoice};
 
 /// Colour behind the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +53,16 @@ pub fn parse_view(text: &str) -> std::result::Result<ViewChoice, String> {
         ("none", _) => Ok(ViewChoice::None),
         (_, Some(degree @ 0..=Harmonics::MAX_DEGREE)) => Ok(ViewChoice::Harmonics(degree)),
         _ => Err("expected keep, none, or sh:D with a degree from 0 to 3".to_owned()),
+    }
+}
+
+/// `mean`, `zero`, or the number of a picture.
+pub fn parse_appearance(text: &str) -> std::result::Result<AppearanceChoice, String> {
+    match (text, text.parse()) {
+        ("mean", _) => Ok(AppearanceChoice::Mean),
+        ("zero", _) => Ok(AppearanceChoice::Zero),
+        (_, Ok(number)) => Ok(AppearanceChoice::Picture(number)),
+        _ => Err("expected mean, zero, or the number of a training picture, from 0".to_owned()),
     }
 }
 

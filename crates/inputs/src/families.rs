@@ -1,12 +1,14 @@
 //! The families of models, told by the keys of their files.
 
 use super::checkpoint::{self, unwrapped};
-use super::options::{MlpChoice, SourceOptions};
+use super::options::{AppearanceChoice, MlpChoice, SourceOptions};
 use super::other_models;
 use super::scale::rescale;
 use super::source::{Family, Source};
 use super::tensor::TensorFile;
-use super::{dvgo, merf, ngp, plenoctree, plenoxels, sampled, snerg, svraster, tensorf, vdb};
+use super::{
+    dvgo, merf, nerfacto, ngp, plenoctree, plenoxels, sampled, snerg, svraster, tensorf, vdb,
+};
 use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::Limits;
 
@@ -47,7 +49,7 @@ const fn row(
 
 /// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held. A
 /// test holds the rows to the documentation, the fuzz targets and the schema of `inspect`.
-const READERS: [Reader; 11] = [
+const READERS: [Reader; 12] = [
     row(Family::PlenOctree, "plenoctrees", "grids", plenoctree::knows, plenoctree::open_tensors),
     row(Family::Plenoxels, "plenoxels", "grids", plenoxels::knows, plenoxels::open_tensors),
     row(Family::SvRaster, "svraster", "models", svraster::knows, svraster::open_tensors),
@@ -70,6 +72,7 @@ const READERS: [Reader; 11] = [
         ngp::knows_checkpoint,
         ngp::open_checkpoint,
     ),
+    row(Family::Nerfacto, "nerfacto", "models", nerfacto::knows, nerfacto::open_tensors),
     row(Family::Tensorf, "tensorf", "models", tensorf::knows, tensorf::open_tensors),
 ];
 
@@ -140,8 +143,9 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         || plenoxels::takes_resolution(file);
     if options.resolution.is_some() && !takes_resolution {
         let message = format!(
-            "--resolution samples models without nodes (Instant-NGP, torch-ngp), octrees of voxels \
-             (SVRaster) and unbounded scenes, and states the cells of PeRFception's Plenoxels; a {} model has its own",
+            "--resolution samples models without nodes (Instant-NGP, torch-ngp, nerfacto), octrees of \
+             voxels (SVRaster) and unbounded scenes, and states the cells of PeRFception's Plenoxels; \
+             a {} model has its own",
             source.family.name()
         );
         return Err(in_file(Error::usage(message)));
@@ -169,6 +173,13 @@ fn refuse_extent(source: &Source, options: &SourceOptions) -> Result<()> {
 
 /// Refuses options of checkpoints that a family, told by its keys, has no use for.
 fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()> {
+    if options.appearance != AppearanceChoice::Auto && family != Some(Family::Nerfacto) {
+        let name = family.map_or("checkpoint without appearances", Family::name);
+        let message = format!(
+            "--appearance chooses between the appearances of a nerfacto model, and this is a {name}"
+        );
+        return Err(Error::usage(message));
+    }
     let Some(family) = family.filter(|family| *family != Family::Dvgo) else { return Ok(()) };
     // The others say themselves what they make of a network.
     let has_no_network = matches!(

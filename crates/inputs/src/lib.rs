@@ -27,6 +27,8 @@ mod lazy;
 #[doc(hidden)]
 pub mod merf;
 #[doc(hidden)]
+pub mod nerfacto;
+#[doc(hidden)]
 pub mod nested;
 #[doc(hidden)]
 pub mod network;
@@ -35,11 +37,14 @@ pub mod ngp;
 mod open;
 mod options;
 mod other_models;
+#[doc(hidden)]
+pub mod packets;
 mod plain_yaml;
 #[doc(hidden)]
 pub mod plenoctree;
 #[doc(hidden)]
 pub mod plenoxels;
+mod resample;
 #[doc(hidden)]
 pub mod sampled;
 mod scale;
@@ -74,7 +79,7 @@ pub use inspect::{Inspection, ListedValue, SceneContent, inspect};
 #[doc(hidden)]
 pub use open::file_of;
 pub use open::{open, open_with};
-pub use options::{MlpChoice, SourceOptions, ViewChoice};
+pub use options::{AppearanceChoice, MlpChoice, SourceOptions, ViewChoice};
 pub use settings::SceneSettings;
 pub use source::{Assumption, Family, SideFile, Source};
 pub use tensor::FileKind;

@@ -8,6 +8,7 @@ use super::source::Source;
 use super::tensor;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
+use crate::nerfacto::newest_checkpoint;
 use crate::snerg::layout;
 
 /// Opens a trained model, told by its content. Grids stay in the file until they are needed.
@@ -29,10 +30,14 @@ pub fn open(path: impl AsRef<Path>) -> Result<Source> {
     open_with(path.as_ref(), &SourceOptions::default(), &Limits::default())
 }
 
-/// The file that is read for an input: of a folder of assets the one that describes it.
+/// The file that is read for an input: of a folder of assets the one that describes it, of the folder
+/// of a nerfstudio run its newest checkpoint.
 pub fn file_of(path: &Path) -> PathBuf {
     let described = path.join(layout::PARAMETERS);
-    if described.is_file() { described } else { path.to_owned() }
+    if described.is_file() {
+        return described;
+    }
+    newest_checkpoint(path).unwrap_or_else(|| path.to_owned())
 }
 
 /// Opens a trained model with settings that its file lacks.

@@ -42,6 +42,22 @@ pub struct SourceOptions {
     /// How far the outermost box of an unbounded scene reaches, in half sides of the inner one, 1 to
     /// 1e6. Default: all that the model shows
     pub extent: Option<f32>,
+    /// The appearance that nerfacto's colours are taken with. Default: as nerfstudio's own pictures
+    pub appearance: AppearanceChoice,
+}
+
+/// The appearance of a model that has one for each picture of its training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum AppearanceChoice {
+    /// That of pictures at evaluation.
+    #[default]
+    Auto,
+    /// The mean of all.
+    Mean,
+    /// Zeros.
+    Zero,
+    /// That of a picture, by its number in the training, from 0.
+    Picture(usize),
 }
 
 /// The part of the view-dependent colour that is kept.

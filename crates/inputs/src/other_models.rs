@@ -67,7 +67,7 @@ const MODELS: [OtherModel; 22] = [
     },
     OtherModel {
         parts: &["_model.proposal_networks.", "_model.field."],
-        name: "nerfacto of nerfstudio",
+        name: "a relative of nerfacto in nerfstudio, or a version of it that is not read",
         advice: Advice::Nerfstudio,
     },
     OtherModel {
@@ -82,7 +82,7 @@ const MODELS: [OtherModel; 22] = [
     },
     OtherModel {
         parts: &["_model.field.mlp_base.", "_model.field.mlp_head."],
-        name: "nerfacto of nerfstudio",
+        name: "a relative of nerfacto in nerfstudio, without networks of proposals",
         advice: Advice::Nerfstudio,
     },
     OtherModel { parts: &["_model."], name: "a model of nerfstudio", advice: Advice::Nerfstudio },

@@ -1,143 +1,168 @@
-//! Plain values of YAML files, by the keys that lead to them.
+//! The plain values of a YAML text.
 //!
-//! Configurations of trainings are YAML, often with tags that build objects of a program. Here they
-//! are text: lines of `key: value`, nested by their indentation. Tags, anchors, lists and texts of
-//! several lines are passed over, so nothing in a file is ever built or run.
+//! Trainings write their configurations as YAML, nerfstudio with tags that name Python's classes.
+//! Nothing is built here: lines are taken for keys and values by their indentation, and tags, anchors and
+//! references stay text. Lists and dictionaries in brackets may hold plain values.
 
 use std::collections::BTreeMap;
 
-use crate::base::error::{Error, Place, Result};
-use crate::base::limits::{self, LimitName, Limits};
-use crate::base::text::without_mark;
+/// Values by their path: keys and numbers of items, with dots between.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Plain(BTreeMap<String, String>);
 
-/// Values by their keys, joined by dots.
-#[derive(Debug, Default)]
-pub(crate) struct PlainYaml {
-    values: BTreeMap<String, String>,
+/// A key or an item that the next lines may belong to.
+struct Level {
+    indent: usize,
+    name: String,
+    /// The number of an item.
+    item: Option<usize>,
 }
 
-impl PlainYaml {
-    /// The plain values of a text.
-    ///
-    /// # Errors
-    /// `Malformed` for bytes that are no UTF-8, `OverLimit` for more lines than entries may be.
-    pub(crate) fn parse(bytes: &[u8], limits: &Limits) -> Result<Self> {
-        let text = str::from_utf8(without_mark(bytes)).map_err(|error| {
-            Error::malformed(Place::File, error.to_string(), "settings in YAML, as UTF-8")
-        })?;
-        let mut values = BTreeMap::new();
-        // The keys that the current line is below, with their indentation.
-        let mut above: Vec<(usize, &str)> = Vec::new();
-        for (number, line) in (1u64..).zip(text.lines()) {
-            limits::check(LimitName::Entries, "lines", number, limits.entries, &Place::File)?;
-            let content = line.trim_start();
-            if content.is_empty() || content.starts_with(['#', '-', '%']) {
+impl Plain {
+    /// Reads the lines of a text.
+    pub(crate) fn read(text: &str) -> Self {
+        let mut found = Self::default();
+        let mut levels: Vec<Level> = Vec::new();
+        for line in text.lines() {
+            let content = line.trim_start_matches(' ');
+            let mut indent = line.len() - content.len();
+            let mut content = content.trim_end();
+            if content.starts_with('#') {
                 continue;
             }
-            let indentation = line.len() - content.len();
-            while above.last().is_some_and(|(outer, _)| *outer >= indentation) {
-                above.pop();
+            while let Some(rest) = content.strip_prefix("- ").or(content.strip_prefix('-')) {
+                if !(content.starts_with("- ") || content == "-") {
+                    break;
+                }
+                found.item(&mut levels, indent);
+                content = rest.trim_start_matches(' ');
+                indent += 2;
             }
-            let Some((key, rest)) = key_of(content) else { continue };
-            above.push((indentation, key));
-            if let Some(value) = plain(rest) {
-                let path: Vec<&str> = above.iter().map(|(_, key)| *key).collect();
-                values.insert(path.join("."), value.to_owned());
+            let Some((key, value)) = split(content) else {
+                found.add(&levels, content);
+                continue;
+            };
+            while levels.last().is_some_and(|level| level.indent >= indent) {
+                levels.pop();
             }
+            levels.push(Level { indent, name: key.to_owned(), item: None });
+            found.add(&levels, value);
         }
-        Ok(Self { values })
+        found
     }
 
-    /// The text of a key.
-    pub(crate) fn text(&self, key: &str) -> Option<&str> {
-        self.values.get(key).map(String::as_str)
+    /// Enters the next item of the list at an indentation.
+    fn item(&self, levels: &mut Vec<Level>, indent: usize) {
+        let mut number = 0;
+        while let Some(last) = levels.last() {
+            // Items stand as far in as the key of their list, or farther.
+            let is_list = last.indent == indent && last.item.is_none();
+            if last.indent < indent || is_list {
+                break;
+            }
+            if last.indent == indent {
+                number = last.item.map_or(0, |number| number + 1);
+            }
+            levels.pop();
+        }
+        levels.push(Level { indent, name: number.to_string(), item: Some(number) });
     }
 
-    /// The number of a key; none if there is no such key, or it is null.
-    ///
-    /// # Errors
-    /// `Malformed` for another text.
-    pub(crate) fn number(&self, key: &str) -> Result<Option<f64>> {
-        let Some(text) = self.text(key).filter(|text| !matches!(*text, "null" | "~" | "None"))
-        else {
-            return Ok(None);
-        };
-        let number = text.replace('_', "").parse::<f64>().ok().filter(|number| number.is_finite());
-        number.map(Some).ok_or_else(|| unlike(key, text, "a finite number"))
-    }
-
-    /// The truth value of a key; none if there is no such key.
-    ///
-    /// # Errors
-    /// `Malformed` for another text.
-    pub(crate) fn boolean(&self, key: &str) -> Result<Option<bool>> {
-        match self.text(key) {
-            None => Ok(None),
-            Some("true" | "True" | "TRUE") => Ok(Some(true)),
-            Some("false" | "False" | "FALSE") => Ok(Some(false)),
-            Some(text) => Err(unlike(key, text, "true or false")),
+    fn add(&mut self, levels: &[Level], value: &str) {
+        if value.is_empty() || levels.is_empty() {
+            return;
+        }
+        let names: Vec<&str> = levels.iter().map(|level| level.name.as_str()).collect();
+        let path = names.join(".");
+        let within = |open, close| plain(value).strip_prefix(open)?.strip_suffix(close);
+        if let Some(items) = within('[', ']') {
+            for (number, item) in items.split(',').enumerate() {
+                self.0.insert(format!("{path}.{number}"), item.trim().to_owned());
+            }
+        } else if let Some(entries) = within('{', '}') {
+            for (key, value) in entries.split(',').filter_map(|entry| entry.split_once(':')) {
+                self.0.insert(format!("{path}.{}", key.trim()), value.trim().to_owned());
+            }
+        } else {
+            self.0.insert(path, value.to_owned());
         }
     }
-}
 
-fn unlike(key: &str, found: &str, expected: &str) -> Error {
-    let found: String = found.chars().take(80).collect();
-    Error::malformed(Place::Key(key.to_owned()), found, expected)
-}
-
-/// A line's key and what follows its colon.
-fn key_of(content: &str) -> Option<(&str, &str)> {
-    let (key, rest) = content.split_once(':')?;
-    let key = key.trim_matches(['"', '\'']);
-    let is_key = !key.is_empty() && !key.contains([' ', '{', '[']);
-    (is_key && (rest.is_empty() || rest.starts_with(' '))).then_some((key, rest.trim()))
-}
-
-/// A value on one line; none of tags, anchors and collections.
-fn plain(rest: &str) -> Option<&str> {
-    let rest = rest.split(" #").next().unwrap_or_default().trim();
-    let quoted = |mark: char| rest.strip_prefix(mark).and_then(|rest| rest.strip_suffix(mark));
-    if let Some(text) = quoted('"').or_else(|| quoted('\'')) {
-        return Some(text);
+    /// The text at a path, with its tag.
+    pub(crate) fn text(&self, path: &str) -> Option<&str> {
+        self.0.get(path).map(String::as_str)
     }
-    (!rest.is_empty() && !rest.starts_with(['!', '&', '*', '{', '[', '|', '>', '#']))
-        .then_some(rest)
+
+    /// The value at a path, without tags and quotes; none for null.
+    pub(crate) fn value(&self, path: &str) -> Option<&str> {
+        let value = plain(self.text(path)?);
+        let value = value.split(" #").next().unwrap_or_default().trim_end();
+        let unquoted = value.trim_matches(['\'', '"']);
+        (!matches!(value, "" | "null" | "~")).then_some(unquoted)
+    }
+}
+
+/// A key, and the value on its line.
+fn split(content: &str) -> Option<(&str, &str)> {
+    if content.starts_with(['!', '[', '{', '\'', '"', '&', '*']) {
+        return None;
+    }
+    match content.split_once(": ") {
+        Some((key, value)) => Some((key, value.trim())),
+        None => content.strip_suffix(':').map(|key| (key, "")),
+    }
+}
+
+/// A value without the tags and anchors before it.
+fn plain(value: &str) -> &str {
+    let mut value = value;
+    while value.starts_with(['!', '&']) {
+        value = value.split_once(' ').map_or("", |(_, rest)| rest.trim_start());
+    }
+    value
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const TEXT: &str = "\
-!!python/object:Config
-# a comment
-model:
-  samples: 3   # each
-  white: True
-  name: 'a: b'
-  inner: &anchor !!python/object:Other
-    size: 1_000
-    list:
-    - one: 1
-  after: 2.5
-flat: null
-path: !!python/object/apply:pathlib.PosixPath
-- outputs
-";
+    #[test]
+    fn values_are_found_by_their_paths() {
+        let found = Plain::read(
+            "!!python/object:a.Config\n_target: !!python/name:a.B ''\npipeline: &id !!python/object:p\n\
+             \x20 model: !!python/object:m\n    far: 1.0e+3\n    none: null\n    wide: !!python/tuple\n\
+             \x20   - 64\n    - 32\n    nets:\n    - hidden: 16\n      res: 128\n    - hidden: 8\n\
+             \x20   flow: [1, 2]\n    pairs: {a: 1, b: x}\n    name: 'quoted'\nlast: true  # said\n\
+             list:\n  - a\n  - - b\n    - c\n",
+        );
+        for (path, value) in [
+            ("pipeline.model.far", Some("1.0e+3")),
+            ("pipeline.model.none", None),
+            ("pipeline.model.wide.0", Some("64")),
+            ("pipeline.model.wide.1", Some("32")),
+            ("pipeline.model.nets.0.hidden", Some("16")),
+            ("pipeline.model.nets.0.res", Some("128")),
+            ("pipeline.model.nets.1.hidden", Some("8")),
+            ("pipeline.model.flow.1", Some("2")),
+            ("pipeline.model.pairs.b", Some("x")),
+            ("pipeline.model.name", Some("quoted")),
+            ("last", Some("true")),
+            ("list.0", Some("a")),
+            ("list.1.1", Some("c")),
+            ("pipeline", None),
+            ("far", None),
+        ] {
+            assert_eq!(found.value(path), value, "{path}: {found:?}");
+        }
+        assert_eq!(found.text("_target"), Some("!!python/name:a.B ''"));
+    }
 
     #[test]
-    fn plain_values_are_found_by_their_keys() {
-        let yaml = PlainYaml::parse(TEXT.as_bytes(), &Limits::default()).expect("text");
-        assert_eq!(yaml.number("model.samples").expect("a number"), Some(3.0));
-        assert_eq!(yaml.boolean("model.white").expect("a truth value"), Some(true));
-        assert_eq!(yaml.text("model.name"), Some("a: b"));
-        assert_eq!(yaml.number("model.inner.size").expect("a number"), Some(1000.0));
-        assert_eq!(yaml.number("model.after").expect("a number"), Some(2.5));
-        assert_eq!(yaml.number("flat").expect("null"), None);
-        assert_eq!(yaml.text("path"), None);
-        assert_eq!(yaml.text("model.inner"), None);
-        assert!(yaml.boolean("model.samples").is_err());
-        assert!(yaml.number("model.white").is_err());
-        assert!(PlainYaml::parse(b"\xff", &Limits::default()).is_err());
+    fn other_texts_are_no_trouble() {
+        for text in
+            ["", "-", "- - - -", ": :", "a", "\t\u{0}:\n-x: y", "!", "& ", "[", "a: [", "é: é"]
+        {
+            Plain::read(text);
+        }
     }
 }

@@ -79,6 +79,8 @@ pub enum Family {
     /// SVRaster, and programs that share its files.
     #[serde(rename = "svraster")]
     SvRaster,
+    /// nerfstudio's nerfacto.
+    Nerfacto,
     /// Volumes of programs for effects, in OpenVDB files.
     Vdb,
 }
@@ -95,7 +97,7 @@ impl Source {
 impl Family {
     /// True for models without a grid of values: nodes are placed as the user says.
     pub const fn is_sampled(self) -> bool {
-        matches!(self, Self::InstantNgp | Self::TorchNgp)
+        matches!(self, Self::InstantNgp | Self::TorchNgp | Self::Nerfacto)
     }
 
     /// Its name, as people know it.
@@ -112,6 +114,7 @@ impl Family {
             Self::InstantNgp => "Instant-NGP",
             Self::TorchNgp => "torch-ngp",
             Self::SvRaster => "SVRaster",
+            Self::Nerfacto => "nerfacto",
             Self::Vdb => "OpenVDB",
         }
     }

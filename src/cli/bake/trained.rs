@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::super::cameras::CameraSource;
 use super::super::common::Common;
 use super::super::detail::warn_of_figures;
 use super::super::fit::check_judges;
@@ -122,8 +123,8 @@ pub fn bake_trained(
         "mlp": source.field.network().map(ViewMlp::widths),
     });
     let reported = settings.report(&source);
-    let cameras = [arguments.gate.camera_file(), arguments.fit.camera_file()];
-    inputs.extend(cameras.into_iter().flatten());
+    inputs.extend(arguments.gate.camera_file().into_iter().flat_map(CameraSource::paths));
+    inputs.extend(arguments.fit.camera_file());
     Ok(Baked { report, resolved, settings: reported, view, gate, inputs })
 }
 
@@ -136,7 +137,7 @@ pub fn open(
 ) -> Result<(Source, FoundSettings)> {
     let cameras = arguments.gate.camera_file();
     let limits = &options.limits;
-    let settings = arguments.scene.settings(&arguments.input, cameras.as_deref(), limits)?;
+    let settings = arguments.scene.settings(&arguments.input, cameras.as_ref(), limits)?;
     let source = mipvog_inputs::open_tensors(file, &settings.options, limits)?;
     for assumption in &source.assumptions {
         warn(&assumed(&assumption.message), common);

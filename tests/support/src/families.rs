@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::factored::{nerfstudio, tensorf_cp};
 use super::grids::{lightning, sampled, sampled_blocks};
 use super::merf::small_merf;
+use super::nerfacto::nerfacto;
 use super::ngp::{CELLS, small_ngp};
 use super::snerg::small_snerg;
 use super::voxels::Voxels;
@@ -45,6 +46,7 @@ pub fn models(here: &Path) -> Vec<(Family, PathBuf)> {
         ),
         (Family::SvRaster, fixture("voxels/svraster_quantized.pt")),
         (Family::SvRaster, written("voxels.ply", Voxels::small().ply())),
+        (Family::Nerfacto, written("nerfacto.ckpt", nerfacto(false).to_bytes())),
         (Family::Snerg, here.join("snerg")),
         (Family::Merf, here.join("merf")),
         (Family::Vdb, fixture("vdb/full.vdb")),

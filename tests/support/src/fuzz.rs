@@ -15,6 +15,7 @@ use super::alone::measured;
 use super::factored::SMALL_MODELS;
 use super::grids::SMALL_GRIDS;
 use super::msgpack::zlib;
+use super::nerfacto::nerfacto;
 use super::ngp::small_ngp;
 use super::targets::{self, TARGETS, Target};
 use super::{Random, chunks, fixture, root};
@@ -87,6 +88,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     }
     if target == "models" {
         seeds.extend(SMALL_MODELS.map(|model| model().to_seed()));
+        seeds.extend([false, true].map(|by_tcnn| nerfacto(by_tcnn).to_seed()));
     }
     if target == "snapshot" {
         let model = small_ngp(1.4, false, 8, 1);

@@ -18,6 +18,7 @@ pub mod merf;
 pub mod model_lies;
 pub mod models;
 pub mod msgpack;
+pub mod nerfacto;
 pub mod ngp;
 pub mod others;
 pub mod pages;

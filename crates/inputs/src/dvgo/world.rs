@@ -175,6 +175,8 @@ impl World for WorldFile {
 
 impl ColoredWorld for WorldFile {
     type Along = Along;
+    /// Features.
+    type Places = Vec<Vec<f64>>;
 
     fn along(&self, whole: &Whole, directions: &[[f64; 3]]) -> Along {
         match &whole.network {
@@ -183,16 +185,30 @@ impl ColoredWorld for WorldFile {
         }
     }
 
-    fn colors(&self, whole: &Whole, along: &Along, position: [f64; 3], colors: &mut Colors) {
-        let contracted = self.contraction.contracted(self.contraction.place(position));
-        let features = whole.features.at(self.nodes().0, self.in_nodes(contracted));
+    fn places(&self, whole: &Whole, positions: &[[f64; 3]], places: &mut Vec<Vec<f64>>) {
+        places.clear();
+        places.extend(positions.iter().map(|position| {
+            let contracted = self.contraction.contracted(self.contraction.place(*position));
+            whole.features.at(self.nodes().0, self.in_nodes(contracted))
+        }));
+    }
+
+    fn colors(
+        &self,
+        whole: &Whole,
+        along: &Along,
+        places: &mut Vec<Vec<f64>>,
+        number: usize,
+        colors: &mut Colors,
+    ) {
+        let features = places.get(number).map(Vec::as_slice).unwrap_or_default();
         match (&whole.network, along) {
             (Some((network, batches)), Along::Network(batch)) => {
                 let scratch = &mut Scratch::default();
-                batches.colors(network, batch, &features, [0.0; 3], scratch, colors);
+                batches.colors(network, batch, features, [0.0; 3], scratch, colors);
             }
             (_, Along::Count(count)) => {
-                for (colors, value) in colors.iter_mut().zip(plain(&features)) {
+                for (colors, value) in colors.iter_mut().zip(plain(features)) {
                     colors.clear();
                     colors.resize(*count, value);
                 }

@@ -3,37 +3,71 @@
 use super::world::World;
 use crate::model::field::Lattice;
 
-/// Points along an edge of a cell, at most.
-const MOST_POINTS: usize = 4;
-/// A cell that is wider than the model's own by less than this share has one point.
-const SAME: f64 = 1e-3;
+/// How densely cells are filled with points.
+#[derive(Debug, Clone, Copy)]
+struct Density {
+    /// Points along an edge of a cell, at most.
+    most: usize,
+    /// A cell that is wider than the model's own by less than this share has one point.
+    same: f64,
+}
 
-/// The points of a node's cell: its own position where the model is not finer than the box. With
-/// `half` every other one, as balanced.
+/// Of models whose values are read.
+const READ: Density = Density { most: 4, same: 1e-3 };
+/// Of models that are slow to ask.
+const PROBED: Density = Density { most: 2, same: 0.2 };
+
+/// The points of a node's cell: a cube of them, or its own position where the model is not finer than
+/// the box.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    middle: [f64; 3],
+    /// Points along an edge.
+    pub count: usize,
+    step: f64,
+}
+
+impl Cell {
+    /// The cell of a node.
+    pub fn of<W: World>(world: &W, lattice: &Lattice, node: [usize; 3]) -> Self {
+        let middle = lattice.position(node);
+        let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
+        let detail = world.detail(middle);
+        let Density { most, same } = if world.is_probed() { PROBED } else { READ };
+        if spacing <= detail * (1.0 + same) {
+            return Self { middle, count: 1, step: 0.0 };
+        }
+        let width = (spacing * spacing - detail * detail).sqrt();
+        #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
+        let count = ((width / detail).ceil() as usize).clamp(2, most);
+        Self { middle, count, step: width / count as f64 }
+    }
+
+    /// A point, by its numbers along the axes.
+    pub fn point(&self, numbers: [usize; 3]) -> [f64; 3] {
+        let mut at = self.middle;
+        for (at, number) in at.iter_mut().zip(numbers) {
+            *at += ((number as f64 + 0.5) - 0.5 * self.count as f64) * self.step;
+        }
+        at
+    }
+
+    /// The numbers of all points; with `half` of every other one, as balanced.
+    pub fn numbers(&self, half: bool) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let (count, half) = (self.count, half && self.count > 1);
+        let all =
+            (0..count.pow(3)).map(move |at| [at / (count * count), at / count % count, at % count]);
+        all.filter(move |[i, j, k]| !half || (i + j + k) % 2 == 0)
+    }
+}
+
+/// All points of a node's cell, or every other one with `half`.
 pub fn points<W: World>(
     world: &W,
     lattice: &Lattice,
     node: [usize; 3],
     half: bool,
 ) -> Vec<[f64; 3]> {
-    let middle = lattice.position(node);
-    let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
-    let detail = world.detail(middle);
-    if spacing <= detail * (1.0 + SAME) {
-        return vec![middle];
-    }
-    let width = (spacing * spacing - detail * detail).sqrt();
-    #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
-    let count = ((width / detail).ceil() as usize).clamp(2, MOST_POINTS);
-    let step = width / count as f64;
-    let along = |at: usize| ((at as f64 + 0.5) - 0.5 * count as f64) * step;
-    let mut found = Vec::with_capacity(count.pow(3));
-    let [x, y, z] = middle;
-    for i in 0..count {
-        for j in 0..count {
-            let rows = (0..count).filter(|k| !half || (i + j + k) % 2 == 0);
-            found.extend(rows.map(|k| [x + along(i), y + along(j), z + along(k)]));
-        }
-    }
-    found
+    let cell = Cell::of(world, lattice, node);
+    cell.numbers(half).map(|numbers| cell.point(numbers)).collect()
 }

@@ -10,6 +10,10 @@ use crate::model::field::Lattice;
 use crate::model::grid::Nodes;
 use crate::network::{Colors, NodeColors, OnNode, visit};
 
+/// Nodes that are prepared at once.
+const AT_ONCE: usize = 32;
+/// Points of a node whose colours are asked for, at most.
+const MOST_COLORS: usize = 4;
 /// Points that stop a smaller share of the light than this add no colour.
 const FAINT: f64 = 0.02;
 
@@ -42,11 +46,33 @@ impl<W: ColoredWorld> SampledColors<W> {
         let shown: Vec<_> = shares.filter(|(_, share)| *share > FAINT * all).collect();
         let sum: f64 = shown.iter().map(|(_, share)| share).sum();
         match sum > 0.0 {
+            true if shown.len() > MOST_COLORS => chosen(&shown, sum),
             true => shown.into_iter().map(|(point, share)| (point, share / sum)).collect(),
             // Nothing is there, but the colour counts between this node and the next one.
             false => vec![(self.lattice.position(node), 1.0)],
         }
     }
+}
+
+/// A few of many points, that stand for equal parts of the light in the order of the points.
+fn chosen(shown: &[([f64; 3], f64)], sum: f64) -> Vec<([f64; 3], f64)> {
+    let each = sum / MOST_COLORS as f64;
+    let (mut passed, mut next) = (0.0, 0.5 * each);
+    let mut found = Vec::with_capacity(MOST_COLORS);
+    for (point, share) in shown {
+        passed += share;
+        let mut parts = 0.0;
+        while next < passed && found.len() < MOST_COLORS {
+            (parts, next) = (parts + 1.0, next + each);
+            if parts > 1.0 {
+                found.pop();
+            }
+            found.push((*point, parts));
+        }
+    }
+    let all: f64 = found.iter().map(|(_, parts)| parts).sum();
+    found.iter_mut().for_each(|(_, parts)| *parts /= all);
+    found
 }
 
 impl<W: ColoredWorld> NodeColors for SampledColors<W> {
@@ -81,22 +107,46 @@ impl<W: ColoredWorld> NodeColors for SampledColors<W> {
         region: &[u64],
         on_node: OnNode<'_, W::Along>,
     ) -> Result<()> {
-        let mut densities = Vec::new();
         let mut of_point: Colors = Colors::default();
+        let mut found = W::Places::default();
+        let mut next = Group::default();
+        let mut show = |group: &mut Group| {
+            self.world.places(loaded, &group.points, &mut found);
+            let mut first = 0;
+            for (node, shares) in group.nodes.drain(..) {
+                on_node(node, &mut |along, colors| {
+                    colors.iter_mut().for_each(Vec::clear);
+                    for (number, share) in (first..).zip(&shares) {
+                        self.world.colors(loaded, along, &mut found, number, &mut of_point);
+                        for (sums, found) in colors.iter_mut().zip(&of_point) {
+                            sums.resize(found.len(), 0.0);
+                            let terms = sums.iter_mut().zip(found);
+                            terms.for_each(|(sum, color)| *sum += share * color);
+                        }
+                    }
+                });
+                first += shares.len();
+            }
+            group.points.clear();
+        };
+        let mut densities = Vec::new();
         visit(self.lattice.nodes, region, |[y, z]| {
             let shares = self.shares(loaded, [x, y, z], &mut densities);
-            on_node([y, z], &mut |along, colors| {
-                colors.iter_mut().for_each(Vec::clear);
-                for (point, share) in &shares {
-                    self.world.colors(loaded, along, *point, &mut of_point);
-                    for (sums, found) in colors.iter_mut().zip(&of_point) {
-                        sums.resize(found.len(), 0.0);
-                        let terms = sums.iter_mut().zip(found);
-                        terms.for_each(|(sum, color)| *sum += share * color);
-                    }
-                }
-            });
+            next.points.extend(shares.iter().map(|(point, _)| *point));
+            next.nodes.push(([y, z], shares.into_iter().map(|(_, share)| share).collect()));
+            if next.nodes.len() == AT_ONCE {
+                show(&mut next);
+            }
         });
+        show(&mut next);
         Ok(())
     }
+}
+
+/// Nodes whose points are prepared together.
+#[derive(Debug, Default)]
+struct Group {
+    /// Each with the shares of its points.
+    nodes: Vec<([usize; 2], Vec<f64>)>,
+    points: Vec<[f64; 3]>,
 }

@@ -3,14 +3,18 @@
 use std::sync::Arc;
 
 use super::cell::points;
+use super::matter::Matter;
 use super::world::World;
 use crate::base::error::Result;
-use crate::base::progress::Progress;
+use crate::base::progress::{Progress, Silent};
+use crate::lazy::Lazy;
 use crate::model::activate;
 use crate::model::field::{Lattice, NodeValues, Scene};
-use crate::model::grid::Nodes;
-use crate::network::visit;
+use crate::model::grid::{Nodes, row};
+use crate::network::{PlaneCache, visit};
 
+/// Positions that a model is asked for at once, about.
+const AT_ONCE: usize = 512;
 /// Optical depth between two nodes behind which nothing is seen.
 const OPAQUE: f64 = 60.0;
 
@@ -23,6 +27,9 @@ pub struct SampledDensity<W> {
     raw: RawDensity,
     /// True for 0 where the model takes no samples; else a mask says so.
     masked: bool,
+    /// Of a model that is probed, the nodes near matter, and their densities for the next pass.
+    matter: Lazy<Matter>,
+    planes: PlaneCache,
 }
 
 /// Optical depths per world unit as raw densities of a softplus.
@@ -55,7 +62,46 @@ impl<W: World> SampledDensity<W> {
             densest: OPAQUE / spacing,
             empty: activation.empty_raw(),
         };
-        Self { world, lattice, raw, masked }
+        let (matter, planes) = (Lazy::default(), PlaneCache::with_archive());
+        Self { world, lattice, raw, masked, matter, planes }
+    }
+
+    fn matter(&self, progress: &dyn Progress) -> Result<Arc<Matter>> {
+        let loaded = self.world.load()?;
+        let find = || Matter::find(&*self.world, &loaded, &self.lattice, self.masked, progress);
+        self.matter.get(find)
+    }
+
+    /// Fills in the nodes of a region.
+    fn fill(&self, x: usize, region: &[u64], out: &mut [f32]) -> Result<()> {
+        let loaded = self.world.load()?;
+        let Nodes([_, _, nz]) = self.lattice.nodes;
+        let (mut positions, mut densities) = (Vec::new(), Vec::new());
+        // Places of nodes in the plane, and how many positions each has.
+        let mut nodes: Vec<(usize, usize)> = Vec::new();
+        let mut find = |positions: &mut Vec<[f64; 3]>, nodes: &mut Vec<(usize, usize)>| {
+            densities.clear();
+            self.world.densities(&loaded, positions, self.masked, &mut densities);
+            let mut left = densities.as_slice();
+            for (at, count) in nodes.drain(..) {
+                let (own, rest) = left.split_at(count.min(left.len()));
+                left = rest;
+                if let Some(out) = out.get_mut(at) {
+                    *out = self.raw.of(own.iter().sum::<f64>() / count as f64);
+                }
+            }
+            positions.clear();
+        };
+        visit(self.lattice.nodes, region, |[y, z]| {
+            let own = points(&*self.world, &self.lattice, [x, y, z], false);
+            nodes.push((y * nz + z, own.len()));
+            positions.extend(own);
+            if positions.len() >= AT_ONCE {
+                find(&mut positions, &mut nodes);
+            }
+        });
+        find(&mut positions, &mut nodes);
+        Ok(())
     }
 }
 
@@ -69,30 +115,42 @@ impl<W: World> NodeValues for SampledDensity<W> {
     }
 
     fn memory_bytes(&self) -> u64 {
-        self.world.memory_bytes()
+        let own = match self.world.is_probed() {
+            true => Matter::bytes(self.lattice.nodes) + self.planes.bytes(self.lattice.nodes, 1),
+            false => 0,
+        };
+        self.world.memory_bytes() + own
     }
 
     fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         self.world.digest(hash)
     }
 
-    fn prepare(&self, _: &dyn Progress) -> Result<()> {
-        self.world.load().map(drop)
+    fn prepare(&self, progress: &dyn Progress) -> Result<()> {
+        match self.world.is_probed() {
+            true => self.matter(progress).map(drop),
+            false => self.world.load().map(drop),
+        }
     }
 
     fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
-        let loaded = self.world.load()?;
-        let Nodes([_, _, nz]) = self.lattice.nodes;
-        let mut densities = Vec::new();
-        visit(self.lattice.nodes, region, |[y, z]| {
-            let points = points(&*self.world, &self.lattice, [x, y, z], false);
-            densities.clear();
-            self.world.densities(&loaded, &points, self.masked, &mut densities);
-            let mean = densities.iter().sum::<f64>() / points.len() as f64;
-            if let Some(out) = out.get_mut(y * nz + z) {
-                *out = self.raw.of(mean);
+        if !self.world.is_probed() {
+            self.fill(x, region, out)?;
+            return Ok(0);
+        }
+        // Before the plane is locked.
+        let matter = self.matter(&Silent)?;
+        let mut near = region.to_vec();
+        row::and_into(&mut near, matter.plane(x));
+        let (nodes, words) = (self.lattice.nodes, row::words(self.lattice.nodes));
+        self.planes
+            .read(nodes, x, [0, 1], &near, out, |missing, values| self.fill(x, missing, values))?;
+        let Nodes([_, _, nz]) = nodes;
+        for (near, out) in near.chunks_exact(words).zip(out.chunks_exact_mut(nz)) {
+            for (start, end) in row::gaps(near, nz) {
+                out.get_mut(start..end).unwrap_or_default().fill(self.raw.empty);
             }
-        });
+        }
         Ok(0)
     }
 }

@@ -26,6 +26,7 @@ mod assemble;
 mod cell;
 mod colors;
 mod density;
+mod matter;
 mod plan;
 mod world;
 

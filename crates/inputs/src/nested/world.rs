@@ -29,6 +29,12 @@ pub trait World: Debug + Send + Sync {
     /// The distance at which the model tells values apart at a position, in world units.
     fn detail(&self, position: [f64; 3]) -> f64;
 
+    /// True for a model that is slow to ask and says nothing of empty space: it is probed where
+    /// boxes want to know of matter, and what is far from all that probes meet is empty.
+    fn is_probed(&self) -> bool {
+        false
+    }
+
     /// Adds the optical depth per world unit at each position. With `masked` it is 0 where the model
     /// takes no samples.
     fn densities(
@@ -44,16 +50,22 @@ pub trait World: Debug + Send + Sync {
 pub trait ColoredWorld: World {
     /// Directions, prepared for its colours.
     type Along;
+    /// What colours depend on beside the direction, at many positions.
+    type Places: Default;
 
     /// Prepares unit directions into the scene.
     fn along(&self, loaded: &Self::Loaded, directions: &[[f64; 3]]) -> Self::Along;
 
-    /// The colours at a position along directions.
+    /// Prepares positions.
+    fn places(&self, loaded: &Self::Loaded, positions: &[[f64; 3]], places: &mut Self::Places);
+
+    /// The colours at one of the positions, by its number, along directions.
     fn colors(
         &self,
         loaded: &Self::Loaded,
         along: &Self::Along,
-        position: [f64; 3],
+        places: &mut Self::Places,
+        number: usize,
         colors: &mut Colors,
     );
 }

@@ -8,6 +8,8 @@
 //! The penalty grows with the band, so that high bands stay small where directions do not tell
 //! them apart.
 
+use multiversion::multiversion;
+
 use crate::model::harmonics::{FUNCTIONS, basis_f64};
 
 /// Weight of the penalty on coefficients.
@@ -16,8 +18,9 @@ const PENALTY: f64 = 1e-5;
 /// A linear map from colours along directions to coefficients.
 #[derive(Debug)]
 pub struct Fit {
-    /// For each coefficient the share of each direction's colour.
-    shares: Vec<Vec<f64>>,
+    /// For each direction the share of its colour in each coefficient.
+    shares: Vec<[f64; FUNCTIONS]>,
+    functions: usize,
 }
 
 impl Fit {
@@ -54,25 +57,35 @@ impl Fit {
                 other.iter_mut().zip(&row).for_each(|(value, of)| *value -= factor * of);
             }
         }
-        Self {
-            shares: system
-                .into_iter()
-                .map(|row| row.into_iter().skip(functions).collect())
-                .collect(),
+        let mut shares = vec![[0.0; FUNCTIONS]; directions.len()];
+        for (function, row) in system.iter().enumerate() {
+            for (shares, value) in shares.iter_mut().zip(row.iter().skip(functions)) {
+                if let Some(share) = shares.get_mut(function) {
+                    *share = *value;
+                }
+            }
         }
+        Self { shares, functions }
     }
 
     /// The coefficients of colours along the directions, each red, green and blue: function by
     /// function, red, green, blue of each.
-    pub fn coefficients<'a>(
-        &'a self,
-        colors: &'a [Vec<f64>; 3],
-    ) -> impl Iterator<Item = f64> + use<'a> {
-        self.shares.iter().flat_map(move |shares| {
-            colors.iter().map(move |colors| {
-                shares.iter().zip(colors).map(|(share, color)| share * color).sum::<f64>()
-            })
-        })
+    pub fn coefficients(&self, colors: &[Vec<f64>; 3]) -> impl Iterator<Item = f64> + use<> {
+        let mut sums = [[0.0; FUNCTIONS]; 3];
+        for (sums, colors) in sums.iter_mut().zip(colors) {
+            add_shares(&self.shares, colors, sums);
+        }
+        let [red, green, blue] = sums;
+        let all = red.into_iter().zip(green).zip(blue);
+        all.flat_map(|((red, green), blue)| [red, green, blue]).take(3 * self.functions)
+    }
+}
+
+/// Adds what each direction's colour adds to all coefficients, direction by direction.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_shares(shares: &[[f64; FUNCTIONS]], colors: &[f64], sums: &mut [f64; FUNCTIONS]) {
+    for (shares, color) in shares.iter().zip(colors) {
+        sums.iter_mut().zip(shares).for_each(|(sum, share)| *sum += share * color);
     }
 }
 

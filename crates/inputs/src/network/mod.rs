@@ -23,4 +23,4 @@ pub use fitted::{Colors, FindColors, FittedColors, NodeColors, OnNode};
 pub use planes::{PlaneCache, visit};
 pub use run::{Inputs, Network, NetworkFile};
 pub use stored::StoredFeatures;
-pub use views::held_out_eyes;
+pub use views::{all_around, held_out_eyes};

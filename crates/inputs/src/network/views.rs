@@ -62,7 +62,7 @@ impl Views {
 
     /// From all around.
     pub fn around() -> Self {
-        Self::Around(spiral(AROUND, 0.0))
+        Self::Around(all_around())
     }
 
     /// The words of provenance: none for those all around, a digest of cameras.
@@ -95,6 +95,11 @@ impl Views {
             }
         }
     }
+}
+
+/// Unit directions all around, those that fits use without cameras.
+pub fn all_around() -> Vec<[f64; 3]> {
+    spiral(AROUND, 0.0)
 }
 
 /// Camera positions held out of a fit to these cameras, or positions all around if they are few.

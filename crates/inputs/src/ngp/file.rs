@@ -4,66 +4,15 @@ use std::sync::Arc;
 
 use super::evaluate::Ngp;
 use super::frame::Frame;
-use super::layout::Layout;
 use super::occupancy::Occupancy;
-use super::perceptron::{Layer, Perceptron};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::lazy::Lazy;
-use crate::model::grid::Element;
 use crate::model::harmonics::FUNCTIONS;
 use crate::model::ray_march::GrowingSteps;
-use crate::tensor::Tensor;
-
-/// Bytes that are read at once.
-const PIECE: usize = 1 << 20;
-
-/// A matrix in a file.
-#[derive(Debug, Clone)]
-pub(super) struct Matrix {
-    pub(super) values: Values,
-    pub(super) outputs: usize,
-    pub(super) inputs: usize,
-}
-
-/// Numbers that follow each other in a file.
-#[derive(Debug, Clone)]
-pub(super) struct Values {
-    /// Of numbers, or of their bytes.
-    pub(super) tensor: Tensor,
-    /// The numbers' type.
-    pub(super) element: Element,
-    /// Numbers before the first one, and from it on.
-    pub(super) first: u64,
-    pub(super) count: u64,
-}
-
-impl Values {
-    /// All numbers, which must be finite.
-    fn read(&self, budget: &mut Budget) -> Result<Vec<f32>> {
-        let place = self.tensor.place();
-        let count = usize::try_from(self.count).unwrap_or(usize::MAX);
-        let mut values: Vec<f32> = budget.zeroed(count, "bytes of parameters", &place)?;
-        let storage = self.tensor.storage(budget)?;
-        let size = self.element.size();
-        let mut bytes = vec![0; PIECE];
-        let mut at = self.first * size as u64;
-        for values in values.chunks_mut(PIECE / size) {
-            let Some(bytes) = bytes.get_mut(..values.len() * size) else { continue };
-            storage.read_into(at, bytes)?;
-            self.element.decode(bytes, values);
-            at += bytes.len() as u64;
-        }
-        match values.iter().position(|value| !value.is_finite()) {
-            None => Ok(values),
-            Some(at) => {
-                let found =
-                    format!("parameter {} that is no finite number", self.first + at as u64);
-                Err(Error::malformed(place, found, "finite numbers"))
-            }
-        }
-    }
-}
+use crate::packets::{
+    HashField, HashGrid, HashNetwork, Layer, Levels, Matrix, Values, ViewNetwork,
+};
 
 /// The rules of a ray.
 #[derive(Debug, Clone, Copy)]
@@ -81,7 +30,7 @@ pub(super) struct Rules {
 /// A model whose parameters are read when they are first wanted.
 #[derive(Debug)]
 pub(super) struct NgpFile {
-    pub(super) layout: Layout,
+    pub(super) levels: Levels,
     pub(super) table: Values,
     pub(super) density: Vec<Matrix>,
     pub(super) color: Vec<Matrix>,
@@ -110,24 +59,26 @@ impl NgpFile {
         let layers = |matrices: &[Matrix], budget: &mut Budget| -> Result<Vec<Layer>> {
             let read = matrices.iter().map(|matrix| {
                 let weights = matrix.values.read(budget)?;
-                Ok(Layer { inputs: matrix.inputs, weights })
+                Ok(Layer::unbiased(matrix.inputs, weights))
             });
             read.collect()
         };
-        let density = Perceptron::new(layers(&self.density, &mut budget)?);
+        let grid = HashGrid { levels: self.levels.clone(), table };
+        let shape = HashNetwork::new(grid, &layers(&self.density, &mut budget)?);
         let mut color = layers(&self.color, &mut budget)?;
-        if self.direction_first
-            && let Some(first) = color.first_mut()
-        {
-            turn(first);
-        }
         if let Some(last) = color.last_mut() {
             // Others are padding.
             last.weights.truncate(3 * last.inputs);
+            last.biases.truncate(3);
         }
-        let (layout, color) = (self.layout.clone(), Perceptron::new(color));
-        let (reach, per_edge) = (self.reach, self.per_edge);
-        Ok(Ngp { layout, table, density, color, reach, per_edge })
+        let geometry = self.density.last().map_or(0, |matrix| matrix.outputs);
+        let (firsts, skipped) = match self.direction_first {
+            true => ([FUNCTIONS, 0], 1),
+            false => ([0, geometry], 0),
+        };
+        let color = ViewNetwork::new(&color, firsts);
+        let field = HashField { shape, color, skipped };
+        Ok(Ngp { field, reach: self.reach, per_edge: self.per_edge })
     }
 
     /// True if the density at a position of the cube counts: of one unit cube in occupied cells, of
@@ -148,33 +99,11 @@ impl NgpFile {
     /// Shows the bytes of the parameters.
     pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let matrices = self.density.iter().chain(&self.color).map(|matrix| &matrix.values);
-        let mut bytes = vec![0; PIECE];
         for values in matrices.chain([&self.table]) {
-            let storage = values.tensor.storage(&mut Budget::new(&self.limits))?;
-            let size = values.element.size() as u64;
-            let (mut at, end) = (values.first * size, (values.first + values.count) * size);
-            while at < end {
-                let count = usize::try_from(end - at).unwrap_or(PIECE).min(PIECE);
-                let Some(bytes) = bytes.get_mut(..count) else { break };
-                storage.read_into(at, bytes)?;
-                hash(bytes);
-                at += count as u64;
-            }
+            values.digest(&mut Budget::new(&self.limits), hash)?;
         }
         Ok(())
     }
-}
-
-/// Orders the columns of a first layer: outputs of the density network, then the direction.
-fn turn(layer: &mut Layer) {
-    let mut turned = Vec::with_capacity(layer.weights.len() + layer.weights.len() / 8);
-    for row in layer.weights.chunks_exact(layer.inputs) {
-        let (direction, geometry) = row.split_at(FUNCTIONS.min(row.len()));
-        turned.push(0.0);
-        turned.extend_from_slice(geometry);
-        turned.extend_from_slice(direction);
-    }
-    (layer.inputs, layer.weights) = (layer.inputs + 1, turned);
 }
 
 /// Refuses networks whose matrices do not follow each other from `inputs` values to `outputs` or

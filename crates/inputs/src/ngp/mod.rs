@@ -29,11 +29,9 @@
 mod evaluate;
 mod file;
 mod frame;
-mod layout;
 mod model;
 mod occupancy;
 mod open;
-mod perceptron;
 mod ratio;
 mod snapshot;
 mod torch;

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use super::evaluate::{Ngp, harmonics};
+use super::evaluate::Ngp;
 use super::file::{NgpFile, Rules};
 use super::frame::Frame;
-use super::perceptron::LANES;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
@@ -14,6 +13,8 @@ use crate::model::ray_march::{
     Composite, SampleBudget, ZeroGuard, crossing, point_at, unit_direction,
 };
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
+use crate::network::Colors;
+use crate::packets::{FieldScratch, LANES, Places};
 
 /// A file, ready to be loaded.
 #[derive(Debug)]
@@ -98,7 +99,8 @@ impl TrainedModel for Loaded {
         let t = if own.growing.is_some() { t + BEHIND } else { t };
         let number = own.growing.map_or(0.0, |growing| growing.number(t));
         let mut path = Path { origin, direction, t, end, number };
-        let seen = harmonics(&[unit; LANES]);
+        let seen = self.model.along::<f64>(&[unit]);
+        let (mut scratch, mut places) = (FieldScratch::default(), Places::default());
         let mut light = Composite::<3>::default();
         let mut left = SampleBudget::new(enters.max(t), own.step, progress);
         'ray: loop {
@@ -107,10 +109,9 @@ impl TrainedModel for Loaded {
                 break;
             }
             let positions: Vec<[f64; 3]> = samples.iter().map(|sample| sample.at).collect();
-            let geometry = self.model.geometry(&positions);
-            let densities = self.model.densities(&geometry);
-            let colors = seen.first().map(|seen| self.model.colors(&geometry, seen));
-            let lanes = densities.into_iter().zip(colors.unwrap_or([[0.0; 3]; LANES]));
+            let densities = self.model.places(&positions, &mut scratch, &mut places);
+            let colors = self.model.field.colors_at(&seen, &places, &mut scratch);
+            let lanes = densities.into_iter().zip(colors);
             for (sample, (density, color)) in samples.into_iter().zip(lanes) {
                 let alpha = -libm::expm1(-density * sample.step);
                 light.add(alpha, sample.t / frame.scale, |_| Some(color));
@@ -131,15 +132,20 @@ impl TrainedModel for Loaded {
         if !self.file.shows(at) {
             return 0.0;
         }
-        let [density, ..] = self.model.densities(&self.model.geometry(&[at]));
-        (density * self.file.frame.scale) as f32
+        let mut found = Vec::new();
+        self.model.densities::<f64>(&[at], &mut FieldScratch::default(), &mut found);
+        (found.into_iter().sum::<f64>() * self.file.frame.scale) as f32
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]> {
-        let geometry = self.model.geometry(&[self.file.frame.to_cube(position)]);
-        let colors = self.model.colors_along(&geometry, 0, &harmonics(directions));
-        let colors = colors.into_iter().take(directions.len());
-        colors.map(|color| color.map(|value| value as f32)).collect()
+        let (mut scratch, mut places) = (FieldScratch::default(), Places::default());
+        let along = self.model.along::<f64>(directions);
+        self.model.places(&[self.file.frame.to_cube(position)], &mut scratch, &mut places);
+        let mut colors = Colors::default();
+        self.model.field.colors_along(&along, &places, 0, &mut scratch, &mut colors);
+        let [red, green, blue] = colors;
+        let colors = red.into_iter().zip(green).zip(blue);
+        colors.map(|((red, green), blue)| [red, green, blue].map(|value| value as f32)).collect()
     }
 }

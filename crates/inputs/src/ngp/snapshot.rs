@@ -8,9 +8,8 @@
 //! | `snapshot.nerf.aabb_scale`, `snapshot.nerf.dataset` | the size of the scene, and its place in the world |
 //! | `snapshot.render_aabb`, `snapshot.render_aabb_to_local` | the part of the cube that is shown, and its rotation |
 
-use super::file::{Matrix, NgpFile, Rules, Values, check_network};
+use super::file::{NgpFile, Rules, check_network};
 use super::frame::Frame;
-use super::layout::{Layout, Sizes};
 use super::occupancy::{Crop, Occupancy};
 use super::ratio::ratio;
 use crate::base::error::{Error, NEWER, Place, Result};
@@ -20,6 +19,7 @@ use crate::model::grid::Element;
 use crate::model::harmonics::FUNCTIONS;
 use crate::model::ray_march::GrowingSteps;
 use crate::options::SourceOptions;
+use crate::packets::{Levels, Matrix, Sizes, Values};
 use crate::tensor::{Tensor, TensorFile, Value};
 
 /// Nodes along an axis of the finest level, for each unit cube.
@@ -131,7 +131,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         |shapes: &[[usize; 2]]| shapes.iter().map(|[rows, columns]| (rows * columns) as u64).sum();
     let networks: [u64; 2] = [own(&density), own(&color)];
     let count = unsigned(keys.integer("snapshot.n_params", None, i64::MAX)?);
-    let layout = layout(&sizes, stated, FINEST * reach, networks.iter().sum(), count)?;
+    let levels = levels(&sizes, stated, FINEST * reach, networks.iter().sum(), count)?;
     let tensor = keys.tensor("snapshot.params_binary")?;
     keys.text("snapshot.params_type", &["__half", "half", "float"])?;
     let half = !matches!(keys.find("snapshot.params_type"), Some(Value::Text(t)) if t == "float");
@@ -158,12 +158,12 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     let (density, color) = (matrices(&density), matrices(&color));
     check_network(&density, width, GEOMETRY, &place("network"))?;
     check_network(&color, GEOMETRY + FUNCTIONS, 3, &place("rgb_network"))?;
-    let table = values(layout.entries() * sizes.features);
+    let table = values(levels.entries() * sizes.features);
     let step = libm::sqrt(3.0) / 1024.0;
     let growing = (span > 1.0).then(|| GrowingSteps::new(step, step * LONGEST, GROWTH));
     let cubes = [cascades(aabb), if span > 1.0 { cascades(aabb) } else { 1 }];
     Ok(NgpFile {
-        layout,
+        levels,
         table,
         density,
         color,
@@ -315,13 +315,13 @@ fn shapes(keys: &Keys<'_>, name: &str, inputs: usize, outputs: usize) -> Result<
 
 /// The levels whose entries and the networks are `count` parameters. The ratio of levels is not in
 /// the file, and one float beside it gives other sizes.
-fn layout(
+fn levels(
     sizes: &Sizes,
     stated: Option<f32>,
     finest: f64,
     networks: u64,
     count: u64,
-) -> Result<Layout> {
+) -> Result<Levels> {
     let place = Place::Key("snapshot.n_params".to_owned());
     let ratio = stated.unwrap_or_else(|| ratio(sizes.levels, sizes.base, finest));
     let mut expected = Vec::new();
@@ -329,10 +329,10 @@ fn layout(
         let place = Place::Key("encoding".to_owned());
         #[expect(clippy::cast_possible_truncation, reason = "float32")]
         let log2_ratio = libm::log2(f64::from(ratio)) as f32;
-        let layout = sizes.layout(log2_ratio, &place)?;
-        let parameters = networks + layout.entries() * sizes.features;
+        let levels = sizes.levels(log2_ratio, &place)?;
+        let parameters = networks + levels.entries() * sizes.features;
         if parameters == count {
-            return Ok(layout);
+            return Ok(levels);
         }
         expected.push(parameters.to_string());
     }

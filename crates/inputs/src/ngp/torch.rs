@@ -7,9 +7,8 @@
 //! | `density_bitfield` | a bit for each cell, Morton order, cubes of growing size |
 //! | `aabb_train` | the box that the table spans |
 
-use super::file::{Matrix, NgpFile, Rules, Values, check_network};
+use super::file::{NgpFile, Rules, check_network};
 use super::frame::Frame;
-use super::layout::Sizes;
 use super::occupancy::Occupancy;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -17,6 +16,7 @@ use crate::lazy::Lazy;
 use crate::model::grid::Element;
 use crate::model::harmonics::FUNCTIONS;
 use crate::options::SourceOptions;
+use crate::packets::{Matrix, Sizes, Values};
 use crate::tensor::{Tensor, TensorFile, Value};
 
 /// Nodes along an axis of the first level, and of the finest one for a box from -1 to 1.
@@ -70,33 +70,33 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     let largest = largest.fold(1.0, f64::max);
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let log2_entries = libm::ceil(libm::log2(largest)) as u64;
-    let levels = offsets.count() - 1;
-    let sizes = Sizes { levels, features, log2_entries, base: BASE, more: 1 };
+    let count = offsets.count() - 1;
+    let sizes = Sizes { levels: count, features, log2_entries, base: BASE, more: 1 };
     sizes.check(&embeddings.place())?;
-    let steps = levels.saturating_sub(1).max(1) as f64;
+    let steps = count.saturating_sub(1).max(1) as f64;
     #[expect(clippy::cast_possible_truncation, reason = "evaluated in float32")]
     let log2_ratio = (libm::log2(FINEST * bound / BASE as f64) / steps) as f32;
-    let layout = sizes.layout(log2_ratio, &embeddings.place())?;
-    let same = layout.offsets().zip(&stated).all(|(own, stated)| own as f64 == *stated);
-    if !same || layout.entries() != entries {
+    let levels = sizes.levels(log2_ratio, &embeddings.place())?;
+    let same = levels.offsets().zip(&stated).all(|(own, stated)| own as f64 == *stated);
+    if !same || levels.entries() != entries {
         let found = format!("levels from {stated:?}");
-        let own: Vec<u64> = layout.offsets().collect();
-        let expected = format!("{own:?}, as {levels} levels in this box have");
+        let own: Vec<u64> = levels.offsets().collect();
+        let expected = format!("{own:?}, as {count} levels in this box have");
         return Err(Error::unsupported(offsets.place(), found, expected));
     }
     let density = matrices(file, "sigma_net")?;
     let color = matrices(file, "color_net")?;
     let geometry = density.last().map_or(0, |matrix| matrix.outputs);
     let place = |name: &str| Place::Tensor(format!("model.{name}"));
-    check_network(&density, layout.width(), 2, &place("sigma_net"))?;
+    check_network(&density, levels.width(), 2, &place("sigma_net"))?;
     check_network(&color, FUNCTIONS + geometry - 1, 3, &place("color_net"))?;
     // The unit cube of cells spans as much of the box as there is, -1 to 1 at most.
     let half = bound.min(1.0);
     let frame = Frame { scale: 0.5 / half, offset: [0.5; 3] };
     let step = libm::sqrt(3.0) / 1024.0 / half;
     Ok(NgpFile {
-        layout,
-        table: values(embeddings)?,
+        levels,
+        table: Values::all(embeddings)?,
         density,
         color,
         direction_first: true,
@@ -125,17 +125,6 @@ fn bound(tensor: &Tensor, budget: &mut Budget) -> Result<f64> {
     }
 }
 
-/// All numbers of a tensor that lie one after the other.
-fn values(tensor: &Tensor) -> Result<Values> {
-    let element = tensor.element();
-    let is_float = matches!(element, Element::F16 | Element::BF16 | Element::F32);
-    if !is_float {
-        let found = format!("{} numbers", element.name());
-        return Err(Error::malformed(tensor.place(), found, "float16, bfloat16 or float32"));
-    }
-    Ok(Values { tensor: tensor.clone(), element, first: 0, count: tensor.count() })
-}
-
 /// The matrices of a network, first to last.
 fn matrices(file: &TensorFile, name: &str) -> Result<Vec<Matrix>> {
     let mut found = Vec::new();
@@ -146,7 +135,7 @@ fn matrices(file: &TensorFile, name: &str) -> Result<Vec<Matrix>> {
             return Err(Error::malformed(tensor.place(), shape, "[outputs, inputs], 1 to 1024"));
         };
         let [outputs, inputs] = [outputs, inputs].map(|n| usize::try_from(n).unwrap_or(0));
-        found.push(Matrix { values: values(tensor)?, outputs, inputs });
+        found.push(Matrix { values: Values::all(tensor)?, outputs, inputs });
     }
     Ok(found)
 }

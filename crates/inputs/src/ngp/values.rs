@@ -2,17 +2,16 @@
 
 use std::sync::Arc;
 
-use super::evaluate::{Ngp, harmonics};
+use super::evaluate::Ngp;
 use super::file::NgpFile;
 use super::frame::Frame;
-use super::perceptron::{LANES, Lanes};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::model::activate;
 use crate::model::field::{EMPTY_LOGIT, NodeValues};
 use crate::model::grid::Nodes;
-use crate::model::harmonics::FUNCTIONS;
 use crate::network::{NodeColors, OnNode, visit};
+use crate::packets::{Directions, FieldScratch, LANES, Places};
 
 /// Optical depth of a voxel from which nothing is seen behind it.
 const OPAQUE: f64 = 60.0;
@@ -30,19 +29,18 @@ impl Samples {
         1.0 / (self.side - 1) as f64
     }
 
-    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and what the density network
-    /// makes of them. Nodes that touch no occupied cell are left out.
+    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and their positions. Nodes
+    /// that touch no occupied cell are left out.
     fn for_each(
         &self,
-        model: &Ngp,
         x: usize,
         region: &[u64],
-        mut on_nodes: impl FnMut(&[[usize; 2]], &[Lanes]),
+        mut on_nodes: impl FnMut(&[[usize; 2]], &[[f64; 3]]),
     ) {
         let (mut nodes, mut positions) = (Vec::new(), Vec::new());
         let spacing = self.spacing();
         let mut found = |nodes: &mut Vec<[usize; 2]>, positions: &mut Vec<[f64; 3]>| {
-            on_nodes(nodes, &model.geometry(positions));
+            on_nodes(nodes, positions);
             nodes.clear();
             positions.clear();
         };
@@ -93,8 +91,11 @@ impl NodeValues for DensityValues {
         let model = self.0.file.load()?;
         out.fill(EMPTY_LOGIT);
         let spacing = self.0.spacing();
-        self.0.for_each(&model, x, region, |nodes, geometry| {
-            for (&[y, z], density) in nodes.iter().zip(model.densities(geometry)) {
+        let (mut scratch, mut densities) = (FieldScratch::<f32>::default(), Vec::new());
+        self.0.for_each(x, region, |nodes, positions| {
+            densities.clear();
+            model.densities(positions, &mut scratch, &mut densities);
+            for (&[y, z], density) in nodes.iter().zip(&densities) {
                 if let Some(out) = out.get_mut(y * self.0.side + z) {
                     let depth = (density * spacing).min(OPAQUE);
                     let raw = activate::inverse_softplus(depth);
@@ -108,8 +109,7 @@ impl NodeValues for DensityValues {
 
 impl NodeColors for Samples {
     type Network = Ngp;
-    /// The directions' number, and their harmonics.
-    type Along = (usize, Vec<[Lanes; FUNCTIONS]>);
+    type Along = Directions<f32>;
 
     fn nodes(&self) -> Nodes {
         Nodes([self.side; 3])
@@ -128,8 +128,8 @@ impl NodeColors for Samples {
         self.file.load()
     }
 
-    fn along(&self, _: &Ngp, directions: &[[f64; 3]]) -> Self::Along {
-        (directions.len(), harmonics(directions))
+    fn along(&self, model: &Ngp, directions: &[[f64; 3]]) -> Self::Along {
+        model.along(directions)
     }
 
     fn visit(
@@ -139,14 +139,12 @@ impl NodeColors for Samples {
         region: &[u64],
         on_node: OnNode<'_, Self::Along>,
     ) -> Result<()> {
-        self.for_each(model, x, region, |nodes, geometry| {
+        let (mut scratch, mut places) = (FieldScratch::default(), Places::default());
+        self.for_each(x, region, |nodes, positions| {
+            model.places(positions, &mut scratch, &mut places);
             for (lane, &node) in nodes.iter().enumerate() {
-                on_node(node, &mut |(count, directions), colors| {
-                    colors.iter_mut().for_each(Vec::clear);
-                    for color in model.colors_along(geometry, lane, directions).iter().take(*count)
-                    {
-                        colors.iter_mut().zip(color).for_each(|(out, value)| out.push(*value));
-                    }
+                on_node(node, &mut |along, colors| {
+                    model.field.colors_along(along, &places, lane, &mut scratch, colors);
                 });
             }
         });

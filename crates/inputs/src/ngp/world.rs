@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use super::evaluate::{Ngp, harmonics};
+use super::evaluate::Ngp;
 use super::file::NgpFile;
-use super::perceptron::{LANES, Lanes};
 use crate::base::error::Result;
-use crate::model::harmonics::FUNCTIONS;
 use crate::nested::{ColoredWorld, World};
 use crate::network::Colors;
+use crate::packets::{Directions, FieldScratch, Found};
 
 /// Edges of cells over the distance at which values are told apart.
 const PER_CELL: f64 = 2.0;
@@ -47,52 +46,47 @@ impl World for NgpWorld {
     ) {
         let (first, frame) = (densities.len(), self.0.frame);
         densities.resize(first + positions.len(), 0.0);
-        let mut found = |numbers: &mut Vec<usize>, places: &mut Vec<[f64; 3]>| {
-            let values = model.densities(&model.geometry(places));
-            for (number, density) in numbers.drain(..).zip(values) {
-                if let Some(out) = densities.get_mut(first + number) {
-                    *out = density * frame.scale;
-                }
-            }
-            places.clear();
-        };
         let (mut numbers, mut places) = (Vec::new(), Vec::new());
         for (number, position) in positions.iter().enumerate() {
             let at = frame.to_cube(*position);
-            if masked && !self.0.occupancy.contains(at) {
-                continue;
-            }
-            numbers.push(number);
-            places.push(at);
-            if places.len() == LANES {
-                found(&mut numbers, &mut places);
+            if !masked || self.0.occupancy.contains(at) {
+                numbers.push(first + number);
+                places.push(at);
             }
         }
-        if !places.is_empty() {
-            found(&mut numbers, &mut places);
+        let mut found = Vec::with_capacity(places.len());
+        model.densities(&places, &mut FieldScratch::<f32>::default(), &mut found);
+        for (number, density) in numbers.into_iter().zip(found) {
+            if let Some(out) = densities.get_mut(number) {
+                *out = density * frame.scale;
+            }
         }
     }
 }
 
 impl ColoredWorld for NgpWorld {
-    /// The directions' number, and their harmonics.
-    type Along = (usize, Vec<[Lanes; FUNCTIONS]>);
+    type Along = Directions<f32>;
+    type Places = Found;
 
-    fn along(&self, _: &Ngp, directions: &[[f64; 3]]) -> Self::Along {
-        (directions.len(), harmonics(directions))
+    fn along(&self, model: &Ngp, directions: &[[f64; 3]]) -> Self::Along {
+        model.along(directions)
+    }
+
+    fn places(&self, model: &Ngp, positions: &[[f64; 3]], found: &mut Found) {
+        found.fill(positions, |positions, scratch, places| {
+            let in_cube = positions.iter().map(|position| self.0.frame.to_cube(*position));
+            model.places(&in_cube.collect::<Vec<_>>(), scratch, places);
+        });
     }
 
     fn colors(
         &self,
         model: &Ngp,
-        (count, directions): &Self::Along,
-        position: [f64; 3],
+        along: &Self::Along,
+        found: &mut Found,
+        number: usize,
         colors: &mut Colors,
     ) {
-        let geometry = model.geometry(&[self.0.frame.to_cube(position)]);
-        colors.iter_mut().for_each(Vec::clear);
-        for color in model.colors_along(&geometry, 0, directions).iter().take(*count) {
-            colors.iter_mut().zip(color).for_each(|(out, value)| out.push(*value));
-        }
+        model.field.colors_of_found(along, found, number, colors);
     }
 }

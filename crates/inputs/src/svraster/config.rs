@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
-use crate::plain_yaml::PlainYaml;
+use crate::plain_yaml::Plain;
 
 /// Settings of a training. Those that are missing have SVRaster's defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,19 +48,19 @@ impl ConfigFile {
         let Some(path) = paths.into_iter().find(|path| path.is_file()) else { return Ok(None) };
         let file = SourceFile::open(&path)?;
         let bytes = file.read(0, file.length(), limits.header_bytes)?;
-        let config = PlainYaml::parse(&bytes, limits).and_then(|text| Config::read(&text));
-        let config = config.map_err(|error| error.in_file(&path))?;
+        let text = Plain::read(&String::from_utf8_lossy(&bytes));
+        let config = Config::read(&text).map_err(|error| error.in_file(&path))?;
         Ok(Some(Self { path, digest: Sha256::digest(&bytes).into(), config }))
     }
 }
 
 impl Config {
-    fn read(text: &PlainYaml) -> Result<Self> {
+    fn read(text: &Plain) -> Result<Self> {
         let mut config = Self::default();
         let refuse = |key: &str, found: String, expected: &str| {
             Err(Error::malformed(Place::Key(key.to_owned()), found, expected))
         };
-        if let Some(samples) = text.number("model.n_samp_per_vox")? {
+        if let Some(samples) = number(text, "model.n_samp_per_vox")? {
             #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
             let count = samples as u32;
             if !(1..=16).contains(&count) || f64::from(count) != samples {
@@ -69,25 +69,25 @@ impl Config {
             config.samples = count;
         }
         // GeoSVR's name for three samples of a voxel.
-        if let Some(mode) = text.text("model.vox_geo_mode") {
+        if let Some(mode) = text.value("model.vox_geo_mode") {
             match mode.strip_prefix("triinterp").and_then(|count| count.parse().ok()) {
                 Some(count @ 1..=16) => config.samples = count,
                 _ => return refuse("model.vox_geo_mode", mode.to_owned(), "triinterp1 to 16"),
             }
         }
-        let is = |key: &str| text.boolean(key).map(|stated| stated.unwrap_or(false));
+        let is = |key: &str| boolean(text, key);
         config.background = match (is("model.white_background")?, is("model.black_background")?) {
             (true, _) => Some(1.0),
             (false, true) => Some(0.0),
             (false, false) => None,
         };
-        if let Some(times) = text.number("model.ss")? {
+        if let Some(times) = number(text, "model.ss")? {
             if !(0.1..=16.0).contains(&times) {
                 return refuse("model.ss", times.to_string(), "0.1 to 16");
             }
             config.supersampling = times;
         }
-        if let Some(level) = text.number("bounding.outside_level")? {
+        if let Some(level) = number(text, "bounding.outside_level")? {
             #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
             let count = level as u32;
             if count > 15 || f64::from(count) != level {
@@ -97,4 +97,25 @@ impl Config {
         }
         Ok(config)
     }
+}
+
+/// The number of a key; none if there is no such key, or it is null.
+fn number(text: &Plain, key: &str) -> Result<Option<f64>> {
+    let Some(value) = text.value(key) else { return Ok(None) };
+    let number = value.parse::<f64>().ok().filter(|number| number.is_finite());
+    number.map(Some).ok_or_else(|| unlike(key, value, "a finite number"))
+}
+
+/// The truth value of a key; false if there is no such key.
+fn boolean(text: &Plain, key: &str) -> Result<bool> {
+    match text.value(key) {
+        None | Some("false" | "False") => Ok(false),
+        Some("true" | "True") => Ok(true),
+        Some(value) => Err(unlike(key, value, "true or false")),
+    }
+}
+
+fn unlike(key: &str, found: &str, expected: &str) -> Error {
+    let found: String = found.chars().take(80).collect();
+    Error::malformed(Place::Key(key.to_owned()), found, expected)
 }

@@ -4,13 +4,12 @@
 //! A sample is the middle of an interval, and stands for all of it.
 
 use crate::model::ray_march::{ZeroGuard, crossing};
+use crate::resample::resampled;
 
 /// Intervals of the first pass.
 const EVEN: usize = 200;
 /// Intervals of the second pass.
 const FOUND: usize = 50;
-/// Added to the weight of each interval of the first pass.
-const PADDING: f64 = 0.01;
 /// Opacity of the first pass below which a ray meets nothing.
 const OPACITY: f64 = 1e-4;
 
@@ -29,29 +28,17 @@ pub(super) fn intervals([near, far]: [f64; 2], mut density: impl FnMut(f64) -> f
     let at = |share: f64| share * far + (1.0 - share) * near;
     let width = (far - near) / EVEN as f64;
     let (mut depth, mut opacity) = (0.0, 0.0);
-    let mut shares = vec![0.0];
-    let mut sum = 0.0;
+    let mut weights = Vec::with_capacity(EVEN);
     for number in 0..EVEN {
         let own = width * density(at(0.5 * (edge(number) + edge(number + 1))));
         let weight = -libm::expm1(-own) * libm::exp(-depth);
         depth += own;
         opacity += weight;
-        sum += weight + PADDING;
-        shares.push(sum);
+        weights.push(weight);
     }
     if opacity < OPACITY {
         return Vec::new();
     }
-    shares.iter_mut().for_each(|share| *share = (*share / sum).min(1.0));
-    let bins = FOUND + 1;
-    let ends = (0..bins).map(|number| {
-        let wanted = (number as f64 + 0.5) / bins as f64;
-        let above = shares.partition_point(|share| *share <= wanted).min(EVEN);
-        let below = above.saturating_sub(1);
-        let share = |number: usize| shares.get(number).copied().unwrap_or(1.0);
-        let part = (wanted - share(below)) / (share(above) - share(below));
-        let part = if part.is_finite() { part.clamp(0.0, 1.0) } else { 0.0 };
-        at(edge(below) + part * (edge(above) - edge(below)))
-    });
-    ends.collect()
+    let edges: Vec<f64> = (0..=EVEN).map(edge).collect();
+    resampled(&edges, &weights, FOUND).into_iter().map(at).collect()
 }

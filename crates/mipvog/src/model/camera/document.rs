@@ -10,7 +10,7 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::text::{is_quoted_number, quoted_numbers};
 
 /// Names of values that are read, in a file and in its frames. All others may be anything.
-const NAMES: [&str; 45] = [
+const NAMES: [&str; 47] = [
     "file_path",
     "transform_matrix",
     "transform",
@@ -56,6 +56,8 @@ const NAMES: [&str; 45] = [
     "distortion",
     "distortion_params",
     "camera_path",
+    "applied_transform",
+    "applied_scale",
 ];
 
 /// Values of a file or of a frame, by name.

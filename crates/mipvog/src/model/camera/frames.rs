@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::Camera;
 use super::frame_names::{find, picture_path};
+use super::moved::WorldTransform;
 use crate::base::error::{Error, Result};
 
 /// Picture size where neither the file nor its pictures say one.
@@ -17,6 +18,8 @@ const NAMES_SHOWN: usize = 5;
 pub struct CameraFile {
     pub(super) frames: Vec<Frame>,
     pub(super) folder: PathBuf,
+    /// What was applied to all poses before they were written.
+    pub(super) applied: WorldTransform,
 }
 
 /// A frame, whose camera may be one that cannot be read.

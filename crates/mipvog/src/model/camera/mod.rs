@@ -8,6 +8,7 @@ mod document;
 mod frame_lens;
 mod frame_names;
 mod frames;
+mod moved;
 mod path;
 mod pinhole;
 mod transforms;
@@ -15,6 +16,7 @@ mod turntable;
 
 pub use frame_names::photograph_path;
 pub use frames::{CameraFile, PickedCameras, pick};
+pub use moved::WorldTransform;
 pub use path::flight;
 pub use pinhole::{Camera, LARGEST_SIDE, Lens, Ray, digest};
 pub use transforms::{parse, read};

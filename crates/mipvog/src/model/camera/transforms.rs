@@ -13,6 +13,7 @@ use super::document::{Document, Fields, kind, number};
 use super::frame_lens::FrameLens;
 use super::frame_names::{names, picture_path};
 use super::frames::{CameraFile, DEFAULT_SIDE, Frame, Notes};
+use super::moved::applied;
 use super::{Camera, Lens};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
@@ -65,7 +66,9 @@ pub fn parse(text: &str, folder: PathBuf, size: Option<[usize; 2]>) -> Result<Ca
             });
         frames.push(Frame { name, picture: path.map(str::to_owned), camera, notes });
     }
-    Ok(CameraFile { frames, folder })
+    let applied =
+        applied(document.all.get("applied_transform"), document.all.get("applied_scale"))?;
+    Ok(CameraFile { frames, folder, applied })
 }
 
 fn read_text(path: &Path, limits: &Limits) -> Result<String> {

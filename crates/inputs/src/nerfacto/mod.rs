@@ -1,0 +1,34 @@
+//! nerfstudio's nerfacto: a table of features on cubic grids of many sizes in contracted space, a
+//! network for density and one for colour.
+//!
+//! ```text
+//! features    = of each level the eight table entries around the position, interpolated
+//! h           = density network(features);  density = mean density * exp(h[0])
+//! colour      = sigmoid(colour network(harmonics of the direction, h[1..], appearance))
+//! ```
+//!
+//! Checkpoints are those of nerfstudio 1.1.5, by its own layers or by tiny-cuda-nn
+//! (`keys`). Settings that a checkpoint lacks are read from the run's `config.yml`, as text
+//! (`yaml`).
+//!
+//! **Its own rules.** Two networks for densities alone propose where samples are worth taking; the
+//! last round takes few, with long steps (`model`). So a picture depends on its sampler, and a field
+//! of nodes that is drawn with small steps differs from it.
+//!
+//! **The field.** The networks are evaluated at nodes of boxes around each other, and harmonics are
+//! fitted to the colours. The world is that of the training, as `dataparser_transforms.json` leads
+//! to.
+
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
+
+mod file;
+mod keys;
+mod model;
+mod open;
+mod run;
+mod settings;
+mod space;
+mod world;
+
+pub use open::{knows, open_tensors};
+pub use run::newest_checkpoint;

@@ -1,0 +1,266 @@
+//! Networks of layers with relu between them.
+
+use super::real::{LANES, Lanes, Real};
+
+/// Neurons that are summed at once; layers are filled up to a multiple.
+pub(super) const TILE: usize = 4;
+
+/// A layer, as files have it.
+#[derive(Debug, Clone)]
+pub struct Layer {
+    /// Inputs of each neuron.
+    pub inputs: usize,
+    /// `[outputs, inputs]`.
+    pub weights: Vec<f32>,
+    /// One for each neuron. Sums of weights and inputs that never change belong to them.
+    pub biases: Vec<f64>,
+}
+
+impl Layer {
+    /// A layer without biases.
+    pub fn unbiased(inputs: usize, weights: Vec<f32>) -> Self {
+        let biases = vec![0.0; weights.len() / inputs.max(1)];
+        Self { inputs, weights, biases }
+    }
+
+    /// The layer without the inputs from `first` on, which have these values wherever it is asked.
+    #[must_use]
+    pub fn with_constants(mut self, first: usize, constants: &[f64]) -> Self {
+        let mut weights = Vec::with_capacity(self.biases.len() * first);
+        for (row, bias) in self.weights.chunks_exact(self.inputs.max(1)).zip(&mut self.biases) {
+            let (kept, constant) = row.split_at(first.min(row.len()));
+            weights.extend_from_slice(kept);
+            let terms = constant.iter().zip(constants);
+            *bias += terms.map(|(weight, value)| f64::from(*weight) * value).sum::<f64>();
+        }
+        (self.inputs, self.weights) = (first.min(self.inputs), weights);
+        self
+    }
+}
+
+/// A network in both widths of numbers.
+#[derive(Debug)]
+pub struct Both {
+    pub(super) narrow: Perceptron<f32>,
+    pub(super) wide: Perceptron<f64>,
+}
+
+impl Both {
+    /// Of layers that follow each other.
+    pub fn new(layers: &[Layer]) -> Self {
+        Self { narrow: Perceptron::new(layers), wide: Perceptron::new(layers) }
+    }
+
+    /// The one of a width.
+    pub fn of<T: Real>(&self) -> &Perceptron<T> {
+        T::of_both(self)
+    }
+}
+
+/// Layers with relu between them.
+#[derive(Debug)]
+pub struct Perceptron<T> {
+    layers: Vec<Tiles<T>>,
+}
+
+/// A layer whose weights lie in the order in which they are used.
+#[derive(Debug)]
+struct Tiles<T> {
+    inputs: usize,
+    outputs: usize,
+    /// [`TILE`] neurons after the other: their weights of the first input, of the second one...
+    weights: Vec<T>,
+    /// Filled up.
+    biases: Vec<T>,
+}
+
+impl<T: Real> Tiles<T> {
+    fn new(layer: &Layer) -> Self {
+        let (inputs, outputs) = (layer.inputs, layer.biases.len());
+        let padded = outputs.next_multiple_of(TILE);
+        let mut weights = vec![T::default(); padded * inputs];
+        for (output, row) in layer.weights.chunks_exact(inputs.max(1)).enumerate() {
+            for (input, weight) in row.iter().enumerate() {
+                let at = (output / TILE * inputs + input) * TILE + output % TILE;
+                if let Some(out) = weights.get_mut(at) {
+                    *out = T::of_stored(*weight);
+                }
+            }
+        }
+        let mut biases: Vec<T> = layer.biases.iter().map(|bias| T::of(*bias)).collect();
+        biases.resize(padded, T::default());
+        Self { inputs, outputs, weights, biases }
+    }
+
+    /// The sums of inputs from `first` on are added to those that are there.
+    fn add(&self, first: usize, inputs: &[Lanes<T>], sums: &mut [Lanes<T>]) {
+        let weights = self.weights.get(first * TILE..).unwrap_or_default();
+        T::multiply(weights, self.inputs, inputs, sums);
+    }
+
+    fn begin(&self, sums: &mut Vec<Lanes<T>>) {
+        sums.clear();
+        sums.extend(self.biases.iter().map(|bias| [*bias; LANES]));
+    }
+}
+
+impl<T: Real> Perceptron<T> {
+    fn new(layers: &[Layer]) -> Self {
+        Self { layers: layers.iter().map(Tiles::new).collect() }
+    }
+
+    /// The first layer's sums of no inputs.
+    pub fn begin(&self, sums: &mut Vec<Lanes<T>>) {
+        sums.clear();
+        if let Some(first) = self.layers.first() {
+            first.begin(sums);
+        }
+    }
+
+    /// Adds inputs, of which the first one has a number, to the first layer's sums.
+    pub fn add(&self, first: usize, inputs: &[Lanes<T>], sums: &mut [Lanes<T>]) {
+        if let Some(layer) = self.layers.first() {
+            layer.add(first, inputs, sums);
+        }
+    }
+
+    /// Turns the first layer's sums into the network's outputs. `scratch` may hold anything.
+    pub fn finish(&self, sums: &mut Vec<Lanes<T>>, scratch: &mut Vec<Lanes<T>>) {
+        for layer in self.layers.iter().skip(1) {
+            for value in sums.iter_mut().flatten() {
+                *value = if *value > T::default() { *value } else { T::default() };
+            }
+            layer.begin(scratch);
+            layer.add(0, sums.get(..layer.inputs).unwrap_or_default(), scratch);
+            std::mem::swap(sums, scratch);
+        }
+        sums.truncate(self.layers.last().map_or(0, |layer| layer.outputs));
+    }
+}
+
+/// See [`Real::multiply`]. `rows` are the weights' own inputs of each tile, of which `inputs` are the
+/// first ones. Terms are added in order, [`TILE`] inputs at a time: of one at a time, compilers make
+/// vectors over neurons, which takes thirty times as long.
+#[inline(always)]
+pub(super) fn multiply<T: Real>(
+    weights: &[T],
+    rows: usize,
+    inputs: &[Lanes<T>],
+    sums: &mut [Lanes<T>],
+) {
+    let (tiles, rest) = inputs.as_chunks::<TILE>();
+    let each = weights.chunks((TILE * rows).max(1));
+    for (sums, weights) in sums.as_chunks_mut::<TILE>().0.iter_mut().zip(each) {
+        let columns = weights.as_chunks::<TILE>().0;
+        for (inputs, columns) in tiles.iter().zip(columns.as_chunks::<TILE>().0) {
+            add_tile(inputs, columns, sums);
+        }
+        let left = columns.iter().skip(tiles.len() * TILE);
+        for (input, column) in rest.iter().zip(left) {
+            for (sums, weight) in sums.iter_mut().zip(column) {
+                sums.iter_mut().zip(input).for_each(|(sum, value)| *sum += *weight * *value);
+            }
+        }
+    }
+}
+
+/// Adds [`TILE`] inputs, each with its column of weights.
+#[inline(always)]
+fn add_tile<T: Real>(
+    [in_a, in_b, in_c, in_d]: &[Lanes<T>; TILE],
+    [a, b, c, d]: &[[T; TILE]; TILE],
+    [sums_a, sums_b, sums_c, sums_d]: &mut [Lanes<T>; TILE],
+) {
+    let rows = in_a.iter().zip(in_b).zip(in_c).zip(in_d);
+    let sums = sums_a.iter_mut().zip(sums_b).zip(sums_c).zip(sums_d);
+    for ((((sum_a, sum_b), sum_c), sum_d), (((in_a, in_b), in_c), in_d)) in sums.zip(rows) {
+        *sum_a = *sum_a + a[0] * *in_a + b[0] * *in_b + c[0] * *in_c + d[0] * *in_d;
+        *sum_b = *sum_b + a[1] * *in_a + b[1] * *in_b + c[1] * *in_c + d[1] * *in_d;
+        *sum_c = *sum_c + a[2] * *in_a + b[2] * *in_b + c[2] * *in_c + d[2] * *in_d;
+        *sum_d = *sum_d + a[3] * *in_a + b[3] * *in_b + c[3] * *in_c + d[3] * *in_d;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers from -0.5 to 0.5.
+    fn noise(seed: &mut u32) -> f64 {
+        *seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(*seed >> 8) / f64::from(1 << 24) - 0.5
+    }
+
+    /// A network, neuron by neuron.
+    fn plain(layers: &[Layer], inputs: &[f64]) -> Vec<f64> {
+        let mut values = inputs.to_vec();
+        for (number, layer) in layers.iter().enumerate() {
+            if number > 0 {
+                values.iter_mut().for_each(|value| *value = value.max(0.0));
+            }
+            let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.biases);
+            let sum = |(row, bias): (&[f32], &f64)| {
+                let terms = row.iter().zip(&values);
+                bias + terms.map(|(weight, value)| f64::from(*weight) * value).sum::<f64>()
+            };
+            values = rows.map(sum).collect();
+        }
+        values
+    }
+
+    fn held<T: Real>(layers: &[Layer], inputs: &[Lanes<f64>], split: usize, most: f64) {
+        let network = Both::new(layers);
+        let network = network.of::<T>();
+        let narrow: Vec<Lanes<T>> = inputs.iter().map(|lanes| lanes.map(T::of)).collect();
+        let (mut sums, mut scratch) = (Vec::new(), Vec::new());
+        network.begin(&mut sums);
+        network.add(0, &narrow[..split], &mut sums);
+        network.add(split, &narrow[split..], &mut sums);
+        network.finish(&mut sums, &mut scratch);
+        for lane in 0..LANES {
+            let own: Vec<f64> = inputs.iter().map(|lanes| lanes[lane]).collect();
+            let expected = plain(layers, &own);
+            assert_eq!(expected.len(), sums.len());
+            for (found, expected) in sums.iter().zip(expected) {
+                assert!((found[lane].wide() - expected).abs() < most, "{expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn packets_agree_with_the_plain_network() {
+        let seed = &mut 5;
+        for widths in [&[3, 5][..], &[1, 1, 1], &[12, 16, 16], &[32, 64, 16, 3], &[7, 9, 6, 2]] {
+            let layers: Vec<Layer> = widths
+                .windows(2)
+                .map(|pair| Layer {
+                    inputs: pair[0],
+                    weights: (0..pair[0] * pair[1]).map(|_| noise(seed) as f32).collect(),
+                    biases: (0..pair[1]).map(|_| noise(seed)).collect(),
+                })
+                .collect();
+            let inputs: Vec<Lanes<f64>> =
+                (0..widths[0]).map(|_| [(); LANES].map(|()| 4.0 * noise(seed))).collect();
+            for split in [0, widths[0] / 2, widths[0]] {
+                held::<f64>(&layers, &inputs, split, 1e-13);
+                held::<f32>(&layers, &inputs, split, 2e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn constant_inputs_are_biases() {
+        let seed = &mut 9;
+        let layer = Layer {
+            inputs: 5,
+            weights: (0..15).map(|_| noise(seed) as f32).collect(),
+            biases: (0..3).map(|_| noise(seed)).collect(),
+        };
+        let constants = [0.3, -2.0];
+        let inputs = [1.0, 0.25, -0.5];
+        let all: Vec<f64> = inputs.into_iter().chain(constants).collect();
+        let expected = plain(std::slice::from_ref(&layer), &all);
+        let found = plain(&[layer.with_constants(3, &constants)], &inputs);
+        assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-15));
+    }
+}
