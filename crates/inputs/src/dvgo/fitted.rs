@@ -24,7 +24,16 @@ pub(super) fn network(names: &NamedValues<'_>, features: usize) -> Result<Networ
     let inputs = Inputs { features: 0, position: 0, direction };
     let layers = checkpoint::layer_tensors(names)?;
     let layers = layers.into_iter().map(|layer| layer.map(Tensor::clone)).collect();
-    NetworkFile::new(layers, inputs, features)
+    match is_residual(names) {
+        true => Ok(NetworkFile::new(layers, inputs, features.saturating_sub(3))?.residual()),
+        false => NetworkFile::new(layers, inputs, features),
+    }
+}
+
+/// True for a network that adds to the first three features, which are logits of colours:
+/// `rgbnet_direct` is false. Contracted scenes have none.
+pub(super) fn is_residual(names: &NamedValues<'_>) -> bool {
+    names.setting("rgbnet_direct").is_some() && !names.flag("rgbnet_direct").unwrap_or(true)
 }
 
 /// The harmonics that are fitted to a network.

@@ -1,7 +1,8 @@
-//! DirectVoxGO as it trains by default: `rgbnet_direct`, a network that runs for every sample.
+//! DirectVoxGO as it trains by default: a network that runs for every sample.
 //!
 //! Density, settings and the mask are those of [`checkpoint`](crate::checkpoint). All
-//! channels of `k0` are inputs of the network, with the direction and its embedding.
+//! channels of `k0` are inputs of the network, with the direction and its embedding; without
+//! `rgbnet_direct` the first three are logits of colours, to which the network adds.
 //!
 //! Density and features are arrays of nodes or [`factors`](crate::factors). An unbounded scene
 //! is sampled in boxes around each other ([`nested`](crate::nested)), or cropped to its inner box,

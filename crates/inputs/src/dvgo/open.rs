@@ -23,7 +23,7 @@ pub fn knows(file: &TensorFile) -> bool {
     let names = NamedValues::new(file);
     let signs = ["scene_center", "scene_radius"].iter().any(|name| names.weight(name).is_some());
     let contracted = signs || names.setting("contracted_norm").is_some();
-    let direct = contracted || names.flag("rgbnet_direct").unwrap_or(false);
+    let per_sample = contracted || names.setting("rgbnet_direct").is_some();
     let channels = match (names.tensor("k0.grid"), names.tensor("k0.f_vec")) {
         (Some(grid), _) => grid.shape().get(1).copied(),
         (None, factors) => factors.and_then(|factors| factors.shape().get(1).copied()),
@@ -34,8 +34,8 @@ pub fn knows(file: &TensorFile) -> bool {
     if is_whole && has_grids && channels.is_some() {
         return true;
     }
-    direct
-        && channels.is_some_and(|channels| (3..=256).contains(&channels))
+    per_sample
+        && channels.is_some_and(|channels| (4..=256).contains(&channels))
         && channels != Some(DEFERRED_CHANNELS)
         && names.tensor("rgbnet.0.weight").is_some()
         && names.tensor("viewfreq").is_some_and(few)

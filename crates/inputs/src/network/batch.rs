@@ -98,6 +98,7 @@ impl BatchNetwork {
     ) {
         let padded = batch.directions.next_multiple_of(LANES);
         let Scratch { inputs, values, next } = scratch;
+        let (added, features) = network.split(features);
         network.node_inputs(features, at, inputs);
         values.clone_from(&batch.first);
         let is_deep = self.layers.len() > 1;
@@ -119,10 +120,11 @@ impl BatchNetwork {
             }
             std::mem::swap(values, next);
         }
-        for (color, sums) in colors.iter_mut().zip(values.chunks_exact(padded)) {
+        for ((color, sums), added) in colors.iter_mut().zip(values.chunks_exact(padded)).zip(added)
+        {
             color.clear();
-            let shown = sums.iter().take(batch.directions);
-            color.extend(shown.map(|sum| f64::from(lanes::sigmoid(*sum))));
+            let (shown, added) = (sums.iter().take(batch.directions), added as f32);
+            color.extend(shown.map(|sum| f64::from(lanes::sigmoid(*sum + added))));
         }
     }
 }

@@ -27,6 +27,8 @@ pub struct NetworkFile {
     inputs: Inputs,
     waves: Waves,
     features: usize,
+    /// True if the first three features are no inputs, but logits that are added to the outputs.
+    is_residual: bool,
 }
 
 /// The frequencies of the sines and cosines.
@@ -46,7 +48,9 @@ pub struct Network {
     layers: Vec<Layer>,
     inputs: Inputs,
     waves: Waves,
+    /// Those that are inputs.
     features: usize,
+    is_residual: bool,
 }
 
 #[derive(Debug)]
@@ -87,7 +91,13 @@ impl NetworkFile {
             }
             width = usize::try_from(bias.count()).unwrap_or(0);
         }
-        Ok(Self { layers, inputs, waves: OCTAVES, features })
+        Ok(Self { layers, inputs, waves: OCTAVES, features, is_residual: false })
+    }
+
+    /// The same behind three more features, logits that are added to the outputs.
+    #[must_use]
+    pub fn residual(self) -> Self {
+        Self { is_residual: true, ..self }
     }
 
     /// The same with other frequencies than 1, 2, 4, ...: the first one, and the ratio of each to
@@ -117,8 +127,8 @@ impl NetworkFile {
             }
             layers.push(Layer { weights, biases: biases.into_iter().map(f64::from).collect() });
         }
-        let Self { inputs, waves, features, .. } = *self;
-        Ok(Network { layers, inputs, waves, features })
+        let Self { inputs, waves, features, is_residual, .. } = *self;
+        Ok(Network { layers, inputs, waves, features, is_residual })
     }
 
     /// Neurons of the first layer.
@@ -131,6 +141,7 @@ impl NetworkFile {
 impl Network {
     /// The colour of features at a position (-1 to 1 in the box) seen along a unit direction.
     pub fn color(&self, features: &[f64], at: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        let (added, features) = self.split(features);
         let mut values: Vec<f64> = features.iter().copied().chain(direction).collect();
         self.waves.encode(features, self.inputs.features, &mut values);
         self.waves.encode(&at, self.inputs.position, &mut values);
@@ -148,9 +159,20 @@ impl Network {
             }
             values = sums;
         }
-        let mut color = [0.0; 3];
-        color.iter_mut().zip(values).for_each(|(out, value)| *out = activate::sigmoid(value));
+        let mut color = added;
         color
+            .iter_mut()
+            .zip(values)
+            .for_each(|(out, value)| *out = activate::sigmoid(*out + value));
+        color
+    }
+
+    /// The logits that are added to the outputs, and the features that are inputs.
+    pub(super) fn split<'a>(&self, features: &'a [f64]) -> ([f64; 3], &'a [f64]) {
+        match features.split_first_chunk() {
+            Some((added, rest)) if self.is_residual => (*added, rest),
+            _ => ([0.0; 3], features),
+        }
     }
 
     /// A network of layers that are so wide, of weights that `number` makes.
