@@ -13,7 +13,7 @@ use super::common::Common;
 use super::field::FieldArguments;
 use super::guess::input_path;
 use super::layout::{columns, folded};
-use super::outcome::{Outcome, counted, readable};
+use super::outcome::{Outcome, counted, denied, readable};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -191,7 +191,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let errors = export_errors(&source.field, &*shown, &cameras, options.level, &bar)?;
     drop(shown);
     let reached = arguments.require_psnr.is_none_or(|least| errors.pooled_psnr >= least);
-    let denied = common.denied();
+    let denied = denied(common);
     let passed = reached && denied.is_none();
     let reports = if passed { written.report()? } else { Vec::new() };
     bar.check()?;

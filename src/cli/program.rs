@@ -10,11 +10,12 @@ use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subc
 
 use super::call::{Call, Failure};
 use super::common::{Common, Format, When};
+use super::error_report::print_failure;
 use super::failure::{exit_code, message, remedy};
 use super::guess::Mistaken;
 use super::inputs::guards;
 use super::manifest::{BatchOptions, OptionKind, SceneLine, SceneResult, Words};
-use super::outcome::{Outcome, folded_for_people, print, print_failure, say, write_stdout};
+use super::outcome::{Outcome, folded_for_people, print, say, write_stdout};
 use super::output::{OUTPUTS, STANDARD_STREAM, refuse_address, refuse_unread_address};
 use super::paint::{error_label, is_colored};
 use super::{
