@@ -119,10 +119,8 @@ fn tell(error: &Error, common: &Common) {
     let label = error_label(is_colored(common.color));
     let said = folded_for_people(&format!("{label} {}", printable(&message(error))));
     // Messages about options say what is expected.
-    let is_of_options = matches!(
-        error.kind(),
-        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } | ErrorKind::Cancelled
-    );
+    let is_of_options =
+        matches!(error.kind(), ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. });
     if is_of_options && error.advice().is_none() {
         return say(&said);
     }
