@@ -12,6 +12,8 @@
 //! report. Options of one format alone are fields of [`mipvog_outputs::format::ExportOptions`],
 //! arguments there, and names in `options`.
 
+use std::path::Path;
+
 use mipvog_outputs::flipbook::Flipbook;
 use mipvog_outputs::format::ExportFormat;
 use mipvog_outputs::gltf::mesh_file::Glb;
@@ -20,6 +22,7 @@ use mipvog_outputs::splat::Splat;
 use mipvog_outputs::usd::Usd;
 use mipvog_outputs::vdb::Vdb;
 
+use crate::base::error::{Error, Result};
 use crate::html::Html;
 
 /// Every format, in the order of `--help`.
@@ -47,12 +50,30 @@ pub fn other_names(format: &str) -> impl Iterator<Item = &'static str> {
 }
 
 /// The format that an output's extension means.
-pub fn format_of_extension(extension: &str) -> Option<&'static dyn ExportFormat> {
+fn format_of_extension(extension: &str) -> Option<&'static dyn ExportFormat> {
     let other = OTHER_NAMES.into_iter().find(|(other, _)| *other == extension);
     format_named(other.map_or(extension, |(_, own)| own))
 }
 
 /// A format by its name.
-pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
+fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
     FORMATS.into_iter().find(|format| format.name() == name)
+}
+
+/// The format of an export, by its name or by the extension of the output.
+///
+/// # Errors
+/// `Usage` where neither says one.
+pub fn format_of(name: Option<&str>, output: &Path) -> Result<&'static dyn ExportFormat> {
+    let extension = output.extension().and_then(|extension| extension.to_str());
+    let found = match (name, extension) {
+        (Some(name), _) => format_named(name).or_else(|| format_of_extension(name)),
+        (None, Some(extension)) => format_of_extension(&extension.to_lowercase()),
+        (None, None) => None,
+    };
+    found.ok_or_else(|| {
+        let names = FORMATS.map(|format| format.name()).join(", ");
+        let message = format!("-o {}: the name does not say the format", output.display());
+        Error::usage(message).advise(format!("pass --to with one of {names}"))
+    })
 }

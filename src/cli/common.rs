@@ -2,7 +2,6 @@
 
 use clap::{Args, ValueEnum};
 
-use super::outcome::counted;
 use super::values;
 use super::warnings::Warnings;
 use super::watcher::SharedWatcher;
@@ -63,13 +62,6 @@ impl Common {
     #[cfg(not(feature = "network"))]
     pub(super) fn network_permit(&self) -> Option<()> {
         None
-    }
-
-    /// The reason to fail because of warnings, if they are denied and there are some.
-    pub(super) fn denied(&self) -> Option<String> {
-        let count = self.warnings.texts().len();
-        (self.deny_warnings && count > 0)
-            .then(|| format!("{}, and --deny-warnings is set", counted(count, "warning")))
     }
 
     /// Limits on the sizes that files may ask for.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::call::Failure;
+use super::outcome::{Outcome, say, write_stdout};
 
 /// What is printed in place of a report.
 #[derive(Debug, Serialize)]
@@ -42,5 +43,19 @@ impl<'a> ErrorReport<'a> {
                 exit_code: *exit_code,
             },
         }
+    }
+}
+
+/// Prints an error as JSON, to stderr where stdout is an output file's.
+pub(super) fn print_failure(failure: &Failure, to_stderr: bool) {
+    let Ok(Outcome { json, .. }) = Outcome::new("error", &ErrorReport::of(failure), String::new())
+    else {
+        return;
+    };
+    let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
+    match to_stderr {
+        true => say(text.trim_end()),
+        // An error of the disk or the pipe that stdout is has been told on stderr.
+        false => drop(write_stdout(text.as_bytes())),
     }
 }

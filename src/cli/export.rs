@@ -13,7 +13,7 @@ use super::common::Common;
 use super::field::FieldArguments;
 use super::guess::input_path;
 use super::layout::{columns, folded};
-use super::outcome::{Outcome, counted, readable};
+use super::outcome::{Outcome, counted, denied, readable};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -25,7 +25,7 @@ use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::{LimitName, Limits};
 use crate::base::progress::Step;
 use crate::base::text::parse_bytes;
-use crate::formats::{FORMATS, format_named, format_of_extension, other_names};
+use crate::formats::{FORMATS, format_of, other_names};
 use crate::model::grid::Bounds;
 use crate::view::overview;
 use crate::view::render::Renderer;
@@ -157,7 +157,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
 fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     refuse_stdout(&arguments.output, "an export may have several files")?;
-    let format = arguments.format()?;
+    let format = format_of(arguments.to.as_deref(), &arguments.output)?;
     if arguments.require_psnr.is_some_and(|least| !least.is_finite()) {
         return Err(Error::usage("--require-psnr must be a finite number of dB"));
     }
@@ -195,7 +195,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let errors = export_errors(&source.field, &*shown, &cameras, options.level, &bar)?;
     drop(shown);
     let reached = arguments.require_psnr.is_none_or(|least| errors.pooled_psnr >= least);
-    let denied = common.denied();
+    let denied = denied(common);
     let passed = reached && denied.is_none();
     let reports = if passed { written.report()? } else { Vec::new() };
     bar.check()?;
@@ -248,23 +248,6 @@ fn format_names() -> Vec<PossibleValue> {
 }
 
 impl Arguments {
-    /// The format, by its name or by the output's extension.
-    fn format(&self) -> Result<&'static dyn ExportFormat> {
-        let extension = self.output.extension().and_then(|extension| extension.to_str());
-        let extension = extension.map(str::to_lowercase);
-        let found = match (&self.to, &extension) {
-            // Of an alias.
-            (Some(name), _) => format_named(name).or_else(|| format_of_extension(name)),
-            (None, Some(extension)) => format_of_extension(extension),
-            (None, None) => None,
-        };
-        found.ok_or_else(|| {
-            let names = FORMATS.map(|format| format.name()).join(", ");
-            let message = format!("-o {}: the name does not say the format", self.output.display());
-            Error::usage(message).advise(format!("pass --to with one of {names}"))
-        })
-    }
-
     /// True for a container of nested boxes.
     fn has_shells(&self, limits: &Limits) -> Result<bool> {
         let container = self.which.container(&self.field, limits)?;

@@ -86,6 +86,14 @@ const SHORT: [(&str, &[&str]); 9] = [
     ("validate", &["stepsize", "max_findings"]),
 ];
 
+/// What an option that several verbs have means for one of them: verb, option, help.
+const OWN_WORDS: [(&str, &str, &str); 1] = [(
+    "export",
+    "resolution",
+    "Cubic cells along the longest axis, instead of the field's voxels; a model without a grid is \
+     sampled at as many",
+)];
+
 /// The verb that explains options that several verbs have.
 const HOME: &str = "bake";
 /// Headings of options that verbs share with [`HOME`].
@@ -112,7 +120,7 @@ pub fn arrange(mut program: Command) -> Command {
                 let is_named = |own: &Arg| {
                     own.get_help_heading() == Some(heading)
                         && shared.contains(&id(own))
-                        && !is_short(&verb, own)
+                        && !is_short(verb.get_name(), own)
                 };
                 let hidden: Vec<Arg> =
                     verb.get_arguments().filter(|own| is_named(own)).cloned().collect();
@@ -147,19 +155,22 @@ fn is_general(own: &Arg) -> bool {
 }
 
 /// True if `-h` of the verb shows this argument.
-fn is_short(verb: &Command, own: &Arg) -> bool {
-    let shown = SHORT.iter().find(|(name, _)| *name == verb.get_name());
+fn is_short(verb: &str, own: &Arg) -> bool {
+    let shown = SHORT.iter().find(|(name, _)| *name == verb);
     own.get_long().is_none()
         || shown.is_none_or(|(_, shown)| shown.contains(&own.get_id().as_str()))
 }
 
-/// A verb whose `-h` has its most important options.
+/// A verb whose `-h` has its most important options, and options of other verbs in its own words.
 fn short(verb: Command) -> Command {
     let name = verb.get_name().to_owned();
-    let shown = SHORT.iter().find(|(own, _)| *own == name).map(|(_, shown)| *shown);
     verb.mut_args(|own| {
-        let is_shown = own.get_long().is_none()
-            || shown.is_none_or(|shown| shown.contains(&own.get_id().as_str()));
+        let is_shown = is_short(&name, &own);
+        let words = OWN_WORDS.iter().find(|(verb, id, _)| *verb == name && own.get_id() == *id);
+        let own = match words {
+            Some((.., words)) => own.help(*words).long_help(*words),
+            None => own,
+        };
         shortened(own).hide_short_help(!is_shown)
     })
 }
@@ -218,6 +229,10 @@ mod tests {
                 let own = verb.get_arguments().find(|own| own.get_id() == *option);
                 assert!(own.is_some_and(|own| own.get_long().is_some()), "{name}: {option}");
             }
+        }
+        for (name, option, _) in OWN_WORDS {
+            let verb = program.find_subcommand(name).expect(name);
+            assert!(verb.get_arguments().any(|own| own.get_id() == option), "{name}: {option}");
         }
     }
 

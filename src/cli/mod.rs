@@ -18,6 +18,7 @@ mod error_report;
 mod export;
 mod failure;
 mod field;
+mod file_names;
 mod files;
 mod fit;
 mod gate;

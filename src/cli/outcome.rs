@@ -6,9 +6,7 @@ use std::sync::Mutex;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use super::call::Failure;
 use super::common::{Common, Format};
-use super::error_report::ErrorReport;
 use super::layout::{folded, message_columns};
 use crate::base::error::{Error, Result};
 use crate::base::lock::{Locked, lock};
@@ -42,7 +40,7 @@ impl Outcome {
     pub(super) fn with_warnings(mut self, common: &Common) -> Self {
         if let serde_json::Value::Object(report) = &mut self.json {
             report.insert("warnings".to_owned(), common.warnings.texts().into());
-            self.failure = self.failure.or_else(|| common.denied());
+            self.failure = self.failure.or_else(|| denied(common));
         }
         self
     }
@@ -76,20 +74,6 @@ pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Resu
     write_stdout(text.as_bytes())
 }
 
-/// Prints an error as JSON, to stderr where stdout is an output file's.
-pub(super) fn print_failure(failure: &Failure, to_stderr: bool) {
-    let Ok(Outcome { json, .. }) = Outcome::new("error", &ErrorReport::of(failure), String::new())
-    else {
-        return;
-    };
-    let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
-    match to_stderr {
-        true => say(text.trim_end()),
-        // An error of the disk or the pipe that stdout is has been told on stderr.
-        false => drop(write_stdout(text.as_bytes())),
-    }
-}
-
 /// Writes to stdout. A closed pipe is no error: its reader has read enough.
 pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
@@ -103,6 +87,13 @@ pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
 /// The words for a setting that is assumed: the library's options have flags here.
 pub(super) fn assumed(message: &str) -> String {
     message.replace("; option ", "; --")
+}
+
+/// The reason to fail because of warnings, if they are denied and there are some.
+pub(super) fn denied(common: &Common) -> Option<String> {
+    let count = common.warnings.texts().len();
+    (common.deny_warnings && count > 0)
+        .then(|| format!("{}, and --deny-warnings is set", counted(count, "warning")))
 }
 
 /// A warning on stderr, and in the report.

@@ -110,7 +110,7 @@ impl Pictures {
                 refuse("--alpha: a video has none: write a .webp, or a folder".to_owned())
             }
             Destination::Film(_, format) if rate.is_some_and(|rate| rate > format.fastest()) => {
-                refuse(format!("--fps: at most {} frames a second", format.fastest()))
+                refuse(format!("--fps: at most {} frames per second", format.fastest()))
             }
             Destination::Film(..) => Ok(()),
             _ if rate.is_some() => {

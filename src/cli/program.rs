@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::ffi::OsString;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -10,18 +10,17 @@ use clap::{ArgMatches, ColorChoice, CommandFactory, FromArgMatches, Parser, Subc
 
 use super::call::{Call, Failure};
 use super::common::{Common, Format, When};
+use super::error_report::print_failure;
 use super::failure::{exit_code, message, remedy};
+use super::file_names::FileNames;
 use super::guess::Mistaken;
-use super::inputs::guards;
 use super::manifest::{BatchOptions, OptionKind, SceneLine, SceneResult, Words};
-use super::outcome::{Outcome, folded_for_people, print, print_failure, say, write_stdout};
-use super::output::{OUTPUTS, STANDARD_STREAM, refuse_address, refuse_unread_address};
+use super::outcome::{Outcome, folded_for_people, print, say, write_stdout};
 use super::paint::{error_label, is_colored};
 use super::{
     attach, bake, compare, detach, document, export, guess, help, inspect, interrupt, manifest,
     open, probe, render, report, shell, stdin, sweep, transcode, unpack, validate, view,
 };
-use crate::base::bytes::Guard;
 use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::parallel;
 use crate::base::text::printable;
@@ -120,10 +119,8 @@ fn tell(error: &Error, common: &Common) {
     let label = error_label(is_colored(common.color));
     let said = folded_for_people(&format!("{label} {}", printable(&message(error))));
     // Messages about options say what is expected.
-    let is_of_options = matches!(
-        error.kind(),
-        ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } | ErrorKind::Cancelled
-    );
+    let is_of_options =
+        matches!(error.kind(), ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. });
     if is_of_options && error.advice().is_none() {
         return say(&said);
     }
@@ -351,72 +348,4 @@ fn bake_options() -> Vec<OptionKind> {
     let program = Cli::command();
     let own = program.find_subcommand("bake").into_iter().flat_map(clap::Command::get_arguments);
     own.filter_map(OptionKind::of).collect()
-}
-
-/// The files that the arguments name.
-#[derive(Default)]
-struct FileNames {
-    outputs: Vec<PathBuf>,
-    /// True if an output is the standard output.
-    to_stdout: bool,
-    inputs: Vec<PathBuf>,
-    /// Inputs, which no output may replace: also those that a verb reads and closes again.
-    _guards: Vec<Guard>,
-}
-
-impl FileNames {
-    fn of(matches: &ArgMatches) -> Self {
-        let mut names = Self::default();
-        let Some((_, matches)) = matches.subcommand() else { return names };
-        for id in matches.ids().map(clap::Id::as_str) {
-            // A group of arguments has no values of its own.
-            let Ok(Some(values)) = matches.try_get_raw(id) else { continue };
-            for value in values.map(Path::new) {
-                match OUTPUTS.contains(&id) {
-                    true => {
-                        names.to_stdout |= value == Path::new(STANDARD_STREAM);
-                        names.outputs.push(value.to_owned());
-                    }
-                    false => {
-                        names._guards.extend(guards(value));
-                        names.inputs.push(value.to_owned());
-                    }
-                }
-            }
-        }
-        names
-    }
-
-    /// Refuses two outputs of one name, and addresses that are not read or written.
-    fn check(&self) -> Result<()> {
-        self.outputs.iter().try_for_each(|path| refuse_address(path))?;
-        self.inputs.iter().try_for_each(|path| refuse_unread_address(path))?;
-        let place = |path: &PathBuf| {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            let folder = folder.unwrap_or(Path::new("."));
-            (canonical(folder), path.file_name().map(ToOwned::to_owned))
-        };
-        for (number, path) in self.outputs.iter().enumerate() {
-            if self.outputs[..number].iter().any(|other| place(other) == place(path)) {
-                let message = format!("two outputs have the name {}", path.display());
-                return Err(Error::usage(message));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A folder by its one name, though it may be missing until the outputs are made.
-fn canonical(folder: &Path) -> PathBuf {
-    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let mut place = PathBuf::new();
-    for part in absolute.components() {
-        match part {
-            Component::ParentDir => drop(place.pop()),
-            part => place.push(part),
-        }
-        // Links above `..` lead elsewhere.
-        place = place.canonicalize().unwrap_or(place);
-    }
-    place
 }

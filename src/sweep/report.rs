@@ -113,8 +113,9 @@ impl SweepReport {
 
     /// Its place among the settings.
     pub(super) fn recommended_row(&self) -> Option<usize> {
+        let finest = self.scales.iter().enumerate().min_by_key(|(_, scale)| **scale)?.0;
         let points = self.settings.iter().enumerate().filter_map(|(row, setting)| {
-            let (errors, fronts) = (setting.errors.first()?, setting.fronts.first()?);
+            let (errors, fronts) = (setting.errors.get(finest)?, setting.fronts.get(finest)?);
             let bytes = setting.output_bytes.filter(|_| fronts.bytes)?;
             Some((row, Point { cost: bytes as f64, quality: errors.psnr }))
         });

@@ -49,7 +49,7 @@ fn pictures_of_an_interrupted_run_go_and_it_runs_again() {
     {
         let (ended, said) = Paused::at(&mut command(here, line), "renamed 3").signal(signal);
         assert_eq!(ended, Some(code), "{line}: {said}");
-        assert!(said.contains("again to start over"), "{said}");
+        assert!(said.contains("run the same command again"), "{said}");
         // The folder was its own too.
         assert!(names(here).is_empty(), "{line}: {:?}", names(here));
     }

@@ -30,10 +30,12 @@ impl ExportFormat for Usd {
     fn check(&self, source: &ExportSource, options: &ExportOptions, output: &Path) -> Result<()> {
         if output.extension().is_none_or(|extension| extension != "usda") {
             let output = output.display();
-            return Err(Error::usage(format!("-o {output}: a text of USD ends in .usda")));
+            return Err(Error::usage(format!(
+                "-o {output}: USD is written as text, so the name must end in .usda"
+            )));
         }
         if stem(output).contains('@') {
-            return Err(Error::usage("a path in USD stands between signs @, and has none itself"));
+            return Err(Error::usage("the name must not contain @, which delimits paths in USD"));
         }
         check_volume(source, options)
     }

@@ -11,7 +11,7 @@ use super::super::container_report::{legend, levels_text};
 use super::super::gate::GateReport;
 use super::super::gltf::GltfReport;
 use super::super::layout::{Table, columns, folded, grouped};
-use super::super::outcome::{Outcome, peak_memory_bytes, readable};
+use super::super::outcome::{Outcome, denied, peak_memory_bytes, readable};
 use super::super::output::STANDARD_STREAM;
 use super::super::scene::{SettingReport, settings_text};
 use super::super::shell;
@@ -134,7 +134,7 @@ impl Baked {
         let failure = self.gate.as_ref().and_then(|gate| gate.failure(work.output));
         let failure = failure.or_else(|| self.view.failure(work.output));
         let failure = failure.or_else(|| {
-            let denied = common.denied()?;
+            let denied = denied(common)?;
             Some(format!("{}: not written: {denied}", work.output.display()))
         });
         let mut lines = self.lines(work, failure.is_some());

@@ -8,7 +8,7 @@ use super::super::common::Common;
 use super::super::fit::warn_of_idle_levels;
 use super::super::incremental::depfile_rule;
 use super::super::layout::{folded, message_columns};
-use super::super::outcome::{Outcome, say, warn};
+use super::super::outcome::{Outcome, denied, say, warn};
 use super::super::output::{create_container, digest};
 use super::super::progress::Bar;
 use super::again::bake_again;
@@ -84,7 +84,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         baked.report.unchanged = incremental.is_same(written, &arguments.output)?;
     }
     warn_of_content(&baked.report, common);
-    let passes = baked.passes() && common.denied().is_none();
+    let passes = baked.passes() && denied(common).is_none();
     let report = &mut baked.report;
     let (mut gltf, mut sha256) = (None, None);
     // An output that fails its gate does not get its name.

@@ -184,9 +184,17 @@ fn the_page_needs_no_other_and_the_table_has_a_row_for_each() {
     let folder = folder();
     let report = run(folder.path(), &options(&[4, 6, 8]));
     let html = read(&folder.path().join("sweep.html"));
-    for outside in ["http", "<script", "<link", "@import", "url(", "src=\"/", " href="] {
+    for outside in ["http", "<script", "<link", "@import", "url(", "src=\"/"] {
         assert!(!html.contains(outside), "{outside}");
     }
+    // It leads to the containers beside it, and nowhere else.
+    let links = html.split(" href=\"").skip(1).filter_map(|rest| rest.split('"').next());
+    let files: Vec<&str> = report.settings.iter().map(|setting| &*setting.file).collect();
+    assert_eq!(links.collect::<Vec<_>>(), files);
+    // The trade-off is judged at full size, which need not be the first scale.
+    let recommended = report.recommended().expect("a setting");
+    let full = report.scales.iter().position(|&scale| scale == 1).expect("full size");
+    assert!(recommended.fronts[full].bytes, "{}", recommended.name);
     assert_balanced(&html);
     // Two plots a scale, a point for each result in each.
     let (scales, settings) = (report.scales.len(), report.settings.len());

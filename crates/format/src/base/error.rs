@@ -259,7 +259,7 @@ impl Error {
                 }
                 _ => "check the disk and the path, then run again".into(),
             },
-            ErrorKind::Cancelled => "run again to start over".into(),
+            ErrorKind::Cancelled => "run the same command again".into(),
             ErrorKind::Truncated { .. } | ErrorKind::Checksum { .. } => {
                 "the file is cut short or damaged: copy or make it again".into()
             }

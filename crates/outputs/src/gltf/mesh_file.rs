@@ -43,7 +43,10 @@ impl ExportFormat for Glb {
 
     fn check(&self, _source: &ExportSource, options: &ExportOptions, output: &Path) -> Result<()> {
         if output.extension().is_none_or(|extension| extension != "glb") {
-            return Err(Error::usage(format!("-o {}: a mesh ends in .glb", output.display())));
+            return Err(Error::usage(format!(
+                "-o {}: the name of a mesh must end in .glb",
+                output.display()
+            )));
         }
         let triangles = options.triangles.unwrap_or(TRIANGLES);
         let expected = format!("{FEWEST_TRIANGLES} to 10000000");

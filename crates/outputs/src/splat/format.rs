@@ -46,7 +46,9 @@ impl ExportFormat for Splat {
     fn check(&self, source: &ExportSource, options: &ExportOptions, output: &Path) -> Result<()> {
         if output.extension().is_none_or(|extension| extension != "ply") {
             let output = output.display();
-            return Err(Error::usage(format!("-o {output}: a file of splats ends in .ply")));
+            return Err(Error::usage(format!(
+                "-o {output}: the name of a file of splats must end in .ply"
+            )));
         }
         let splats = options.splats.unwrap_or(SPLATS);
         Error::require_option(splats > 0, "splats", splats, "1 or more")?;

@@ -43,7 +43,9 @@ impl ExportFormat for Vdb {
     fn check(&self, source: &ExportSource, options: &ExportOptions, output: &Path) -> Result<()> {
         if output.extension().is_none_or(|extension| extension != "vdb") {
             let output = output.display();
-            return Err(Error::usage(format!("-o {output}: an OpenVDB file ends in .vdb")));
+            return Err(Error::usage(format!(
+                "-o {output}: the name of an OpenVDB file must end in .vdb"
+            )));
         }
         check_volume(source, options)
     }
