@@ -23,6 +23,10 @@ class BakeOptions(TypedDict, total=False):
     alpha_threshold: Optional[Words]
     """Drop blocks whose opacity over one step of the level never exceeds this [default: 0.001]"""
 
+    appearance: Optional[Words]
+    """Appearance of a nerfacto model: mean, zero, or that of a training picture by its number, from
+    0 [default: as in nerfstudio's own pictures]"""
+
     background: Optional[Words]
     """Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
     likewise, else white]"""
@@ -32,6 +36,10 @@ class BakeOptions(TypedDict, total=False):
 
     block_size: Optional[Words]
     """Nodes along a block's edge [default: 8]"""
+
+    camera_transform: Optional[PathName]
+    """nerfstudio's dataparser_transforms.json, which leads from the camera file's world to that of
+    the training: for models of nerfstudio, and their bakes."""
 
     cameras: Optional[PathName]
     """A camera file: NeRF-synthetic's transforms.json or nerfstudio's."""
@@ -52,7 +60,8 @@ class BakeOptions(TypedDict, total=False):
 
     drop_background: Optional[bool]
     """Keep the inner box of an unbounded scene alone: without Plenoxels' background spheres, the
-    contracted space of DirectVoxGO and MERF, everything beyond the unit cube of Instant-NGP."""
+    contracted space of DirectVoxGO, MERF and nerfacto, everything beyond the unit cube of
+    Instant-NGP."""
 
     extent: Optional[float]
     """How far the outermost box of an unbounded scene reaches, in half sides of its inner box
@@ -169,9 +178,9 @@ class BakeOptions(TypedDict, total=False):
 
     resolution: Optional[int]
     """Nodes along the longest axis at which to sample a model without nodes (Instant-NGP,
-    torch-ngp) [default: 256], or along an edge of an unbounded scene's first box [default: as many
-    as the model has there]; cells along each axis of PeRFception's Plenoxels; for export, cubic
-    cells along the longest axis instead of nodes."""
+    torch-ngp, nerfacto) [default: 256], or along an edge of an unbounded scene's first box
+    [default: as many as the model has there]; cells along each axis of PeRFception's Plenoxels; for
+    export, cubic cells along the longest axis instead of nodes."""
 
     scene_scale: Optional[float]
     """Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
@@ -199,6 +208,6 @@ class BakeOptions(TypedDict, total=False):
 
 
 # Options that name files to read.
-INPUTS = ("cameras", "coarse", "fit_cameras", "mlp", "photographs")
+INPUTS = ("camera_transform", "cameras", "coarse", "fit_cameras", "mlp", "photographs")
 # Options that name files to write.
 OUTPUTS = ("depfile", "gltf")
