@@ -39,7 +39,8 @@ fn rays_and_points_follow_nerfstudios_rules() {
         let rgb = farthest(light.iter().flat_map(|ray| ray.color), &reference.values("rgb"));
         let left = reference.values("transmittance");
         let left = farthest(light.iter().map(|ray| ray.transmittance), &left);
-        assert!(rgb < 1e-5 && left < 1e-5, "{name}: {rgb}, {left}");
+        // Directions are float32, and a long step in dense matter makes much of their rounding.
+        assert!(rgb < 2e-5 && left < 1e-4, "{name}: {rgb}, {left}");
         colors_agree(name, &source, "color");
         let points = reference.points("positions").into_iter().zip(reference.values("density"));
         for (position, expected) in points {
@@ -144,6 +145,7 @@ fn nodes_have_the_models_densities() {
         let lattice = source.field.lattices()[0];
         let [_, ny, nz] = lattice.nodes.0;
         let mut plane = vec![0.0; ny * nz];
+        let (mut compared, mut dense) = (0, 0);
         for x in (0..lattice.nodes.0[0]).step_by(67) {
             source.field.density.read_plane(0, x, &mut plane, |_| {}).expect("a plane");
             for (at, raw) in plane.iter().enumerate().step_by(331) {
@@ -152,10 +154,18 @@ fn nodes_have_the_models_densities() {
                 let found = scene.activation.density(f64::from(*raw)) * per_unit;
                 // Networks of a bake are float32, and densities are cut off where nothing is seen.
                 let expected = expected.min(60.0 / (4.0 / 256.0));
+                compared += 1;
+                if found < 1e-20 {
+                    // Far from all that probes met.
+                    assert!(expected * 4.0 / 256.0 < 1e-3, "{name}: {expected} is missing");
+                    continue;
+                }
+                dense += 1;
                 let off = (found - expected).abs();
-                assert!(off <= 1e-3 * expected + 1e-9, "{name}: {found} for {expected}");
+                assert!(off <= 1e-3 * expected, "{name}: {found} for {expected}");
             }
         }
+        assert!(dense > 100 && dense < compared, "{name}: {dense} of {compared}");
     }
 }
 
@@ -182,7 +192,7 @@ fn boxes_show_what_the_scene_shows() {
 fn packets_agree_with_the_plain_model() {
     let directions = [[0.0, 0.0, 1.0], [0.6, -0.8, 0.0], [-0.48, 0.6, 0.64]];
     let options =
-        SourceOptions { extent: Some(2.0), resolution: Some(257), ..SourceOptions::default() };
+        SourceOptions { extent: Some(4.0), resolution: Some(33), ..SourceOptions::default() };
     for by_tcnn in [false, true] {
         let file = nerfacto(by_tcnn);
         let source = of_bytes(file.to_bytes(), &options).expect("a model");
@@ -196,19 +206,39 @@ fn packets_agree_with_the_plain_model() {
                 assert!((f64::from(*found) - expected).abs() < 1e-6, "{by_tcnn}: {position:?}");
             }
         }
-        // A bake asks in float32, and of boxes as fine as this point by point.
-        let lattice = source.field.lattices()[0];
+        // A bake asks in float32, here for the mean of eight points of a cell.
+        let shell = &source.field.shells[0];
+        let lattice = shell.lattice;
+        let spacing = lattice.nodes.spacing(&lattice.bounds)[0];
         let nz = lattice.nodes.0[2];
         let scene = &source.field.scene;
         let per_unit = f64::from(scene.activation.interval) / scene.march.interval_length();
         let mut plane = vec![0.0; lattice.nodes.0[1] * nz];
-        source.field.density.read_plane(0, 100, &mut plane, |_| {}).expect("a plane");
-        for (at, raw) in plane.iter().enumerate().step_by(331) {
-            let node = [100, at / nz, at % nz];
-            let expected = point(&file, by_tcnn, lattice.position(node), &[]).0;
+        shell.density.read_plane(0, 2, &mut plane, |_| {}).expect("a plane");
+        let mut compared = 0;
+        for (at, raw) in plane.iter().enumerate().step_by(31) {
+            let middle = lattice.position([2, at / nz, at % nz]);
+            let most = middle.iter().fold(0.0, |most: f64, at| most.max(at.abs()));
+            let detail = 4.0 / 256.0 * most / (2.0 - 1.0 / most);
+            let apart = 0.25 * (spacing * spacing - detail * detail).sqrt();
+            let signs = (0..8).map(|corner| [0, 1, 2].map(|axis| f64::from(corner >> axis & 1)));
+            let densities = signs.map(|signs| {
+                let mut position = middle;
+                for (at, sign) in position.iter_mut().zip(signs) {
+                    *at += (2.0 * sign - 1.0) * apart;
+                }
+                point(&file, by_tcnn, position, &[]).0
+            });
+            let expected = densities.sum::<f64>() / 8.0;
             let found = scene.activation.density(f64::from(*raw)) * per_unit;
-            assert!((found / expected - 1.0).abs() < 1e-4, "{by_tcnn}: {node:?}");
+            if found < 1e-20 {
+                assert!(expected * spacing < 1e-3, "{by_tcnn}: {expected} is missing");
+                continue;
+            }
+            compared += 1;
+            assert!((found / expected - 1.0).abs() < 1e-4, "{by_tcnn}: {found} {expected}");
         }
+        assert!(compared > 10, "{by_tcnn}: {compared}");
     }
 }
 
@@ -226,7 +256,7 @@ fn lies_have_typed_errors() {
             lies.extend([Item::Int(-1), Item::Int(1 << 40), Item::Text("two")]);
             if let Item::Floats(shape, values) = nerfacto(by_tcnn).item(key) {
                 let mut broken = values.clone();
-                broken[1] = f32::NAN;
+                *broken.last_mut().expect("a value") = f32::NAN;
                 lies.push(Item::Floats(shape.clone(), broken));
             }
             for lie in lies {

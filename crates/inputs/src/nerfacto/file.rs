@@ -10,8 +10,8 @@ use crate::base::limits::{Budget, Limits};
 use crate::lazy::Lazy;
 use crate::model::harmonics::{FUNCTIONS, basis_f64};
 use crate::packets::{
-    Directions, FieldScratch, HashField, HashGrid, HashNetwork, LANES, Lanes, Layer, Places, Real,
-    Scratch, Values, ViewNetwork, gathered,
+    Directions, FieldScratch, HashField, HashGrid, HashNetwork, LANES, Lanes, Layer, Number,
+    Places, Real, Scratch, Values, ViewNetwork, gathered,
 };
 
 /// Densities beyond this are opaque at any length.
@@ -169,7 +169,7 @@ impl Nerfacto {
     }
 
     /// Adds the density at each position of the world.
-    pub(super) fn densities<T: Real>(
+    pub(super) fn densities<T: Number>(
         &self,
         positions: &[[f64; 3]],
         scratch: &mut FieldScratch<T>,
@@ -196,16 +196,14 @@ impl Nerfacto {
             let (in_cube, has_density) = self.in_cube(packet);
             let outputs = network.run(&gathered(&in_cube), scratch);
             let raw = outputs.first().copied().unwrap_or_default();
-            densities.extend(
-                raw.into_iter()
-                    .zip(has_density)
-                    .map(|(raw, is_there)| if is_there { self.density(raw.exp()) } else { 0.0 }),
-            );
+            densities.extend(raw.into_iter().zip(has_density).map(|(raw, is_there)| {
+                if is_there { self.density(raw.exponential()) } else { 0.0 }
+            }));
         }
     }
 
     /// What is at up to [`LANES`] positions of the world. Returns their densities.
-    pub(super) fn places<T: Real>(
+    pub(super) fn places<T: Number>(
         &self,
         positions: &[[f64; 3]],
         scratch: &mut FieldScratch<T>,
@@ -220,7 +218,7 @@ impl Nerfacto {
     }
 
     /// Unit directions, prepared.
-    pub(super) fn along<T: Real>(&self, directions: &[[f64; 3]]) -> Directions<T> {
+    pub(super) fn along<T: Number>(&self, directions: &[[f64; 3]]) -> Directions<T> {
         let inputs: Vec<_> = directions.iter().map(|&direction| self.encoded(direction)).collect();
         self.field.color.directions(&inputs)
     }

@@ -5,7 +5,7 @@ use crate::model::field::Lattice;
 
 /// How densely cells are filled with points.
 #[derive(Debug, Clone, Copy)]
-struct Density {
+struct Filling {
     /// Points along an edge of a cell, at most.
     most: usize,
     /// A cell that is wider than the model's own by less than this share has one point.
@@ -13,9 +13,9 @@ struct Density {
 }
 
 /// Of models whose values are read.
-const READ: Density = Density { most: 4, same: 1e-3 };
+const READ: Filling = Filling { most: 4, same: 1e-3 };
 /// Of models that are slow to ask.
-const PROBED: Density = Density { most: 2, same: 0.2 };
+const PROBED: Filling = Filling { most: 2, same: 0.2 };
 
 /// The points of a node's cell: a cube of them, or its own position where the model is not finer than
 /// the box.
@@ -33,7 +33,7 @@ impl Cell {
         let middle = lattice.position(node);
         let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
         let detail = world.detail(middle);
-        let Density { most, same } = if world.is_probed() { PROBED } else { READ };
+        let Filling { most, same } = if world.is_probed() { PROBED } else { READ };
         if spacing <= detail * (1.0 + same) {
             return Self { middle, count: 1, step: 0.0 };
         }

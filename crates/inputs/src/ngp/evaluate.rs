@@ -2,7 +2,7 @@
 
 use super::frame::Frame;
 use crate::model::harmonics::basis_f64;
-use crate::packets::{Directions, FieldScratch, HashField, Lanes, Places, Real};
+use crate::packets::{Directions, FieldScratch, HashField, Lanes, Number, Places};
 
 /// Densities beyond this are opaque at any length.
 const DENSEST: f64 = 1e30;
@@ -29,7 +29,7 @@ impl Ngp {
     }
 
     /// Adds the optical depth of an edge of the unit cube at each position of it.
-    pub(super) fn densities<T: Real>(
+    pub(super) fn densities<T: Number>(
         &self,
         positions: &[[f64; 3]],
         scratch: &mut FieldScratch<T>,
@@ -42,7 +42,7 @@ impl Ngp {
     }
 
     /// What is at the positions of a packet. Returns the optical depths of an edge.
-    pub(super) fn places<T: Real>(
+    pub(super) fn places<T: Number>(
         &self,
         positions: &[[f64; 3]],
         scratch: &mut FieldScratch<T>,
@@ -53,7 +53,7 @@ impl Ngp {
     }
 
     /// Unit directions of the world, prepared.
-    pub(super) fn along<T: Real>(&self, directions: &[[f64; 3]]) -> Directions<T> {
+    pub(super) fn along<T: Number>(&self, directions: &[[f64; 3]]) -> Directions<T> {
         let inputs: Vec<_> =
             directions.iter().map(|&direction| basis_f64(Frame::turned(direction))).collect();
         self.field.color.directions(&inputs)

@@ -1,8 +1,9 @@
 //! A field of two networks: one behind a table of features, and one for what that finds along a
 //! direction.
 
-use super::encode::gathered;
+use super::grid::gathered;
 use super::network::{Directions, HashNetwork, Places, Scratch, ViewNetwork};
+use super::perceptron::Number;
 use super::real::{LANES, Lanes, Real};
 use crate::network::Colors;
 
@@ -53,7 +54,7 @@ impl Found {
 
 impl HashField {
     /// Adds the exponential of the first output at each position of the table's cube.
-    pub fn densities<T: Real>(
+    pub fn densities<T: Number>(
         &self,
         positions: &[[f64; 3]],
         scratch: &mut FieldScratch<T>,
@@ -62,12 +63,12 @@ impl HashField {
         for packet in positions.chunks(LANES) {
             let outputs = self.shape.run(&gathered(packet), &mut scratch.shape);
             let raw = outputs.first().copied().unwrap_or_default();
-            densities.extend(raw.iter().take(packet.len()).map(|raw| raw.exp()));
+            densities.extend(raw.iter().take(packet.len()).map(|raw| raw.exponential()));
         }
     }
 
     /// What is at up to [`LANES`] positions of the table's cube. Returns their densities.
-    pub fn places<T: Real>(
+    pub fn places<T: Number>(
         &self,
         positions: &[[f64; 3]],
         scratch: &mut FieldScratch<T>,
@@ -75,11 +76,11 @@ impl HashField {
     ) -> Lanes<f64> {
         let outputs = self.shape.run(&gathered(positions), &mut scratch.shape);
         self.color.places(outputs.get(self.skipped..).unwrap_or_default(), places);
-        outputs.first().copied().unwrap_or_default().map(Real::exp)
+        outputs.first().copied().unwrap_or_default().map(Real::exponential)
     }
 
     /// The colours at a place along directions.
-    pub fn colors_along<T: Real>(
+    pub fn colors_along<T: Number>(
         &self,
         directions: &Directions<T>,
         places: &Places<T>,
@@ -109,7 +110,7 @@ impl HashField {
     }
 
     /// The colours at all places of a packet along the first of the directions.
-    pub fn colors_at<T: Real>(
+    pub fn colors_at<T: Number>(
         &self,
         directions: &Directions<T>,
         places: &Places<T>,

@@ -9,16 +9,20 @@
 
 mod encode;
 mod field;
+mod grid;
+mod kernels;
 mod levels;
+mod multiply;
 mod network;
 mod perceptron;
 mod real;
 mod stored;
 
-pub use encode::{Coordinates, HashGrid, gathered};
+pub use encode::Coordinates;
 pub use field::{FieldScratch, Found, HashField};
+pub use grid::{HashGrid, gathered};
 pub use levels::{Levels, Sizes};
 pub use network::{Directions, HashNetwork, Places, Scratch, ViewNetwork};
-pub use perceptron::Layer;
+pub use perceptron::{Layer, Number};
 pub use real::{LANES, Lanes, Real};
 pub use stored::{Matrix, Values};

@@ -1,8 +1,9 @@
 //! A table of features with the network behind it, and a network of directions.
 
-use super::encode::{Coordinates, HashGrid};
-use super::perceptron::{Both, Layer};
-use super::real::{LANES, Lanes, Real};
+use super::encode::Coordinates;
+use super::grid::HashGrid;
+use super::perceptron::{Both, Layer, Number};
+use super::real::{LANES, Lanes};
 
 /// Memory of a packet at work.
 #[derive(Debug)]
@@ -32,7 +33,7 @@ impl HashNetwork {
     }
 
     /// Outputs at the positions of a packet.
-    pub fn run<'a, T: Real>(
+    pub fn run<'a, T: Number>(
         &self,
         at: &Coordinates,
         scratch: &'a mut Scratch<T>,
@@ -81,7 +82,7 @@ impl ViewNetwork {
     }
 
     /// Prepares directions: inputs of each, as long as the network takes.
-    pub fn directions<T: Real, const N: usize>(&self, inputs: &[[f64; N]]) -> Directions<T> {
+    pub fn directions<T: Number, const N: usize>(&self, inputs: &[[f64; N]]) -> Directions<T> {
         let network = self.network.of::<T>();
         let [_, first] = self.firsts;
         let packets = inputs.chunks(LANES).map(|packet| {
@@ -102,7 +103,7 @@ impl ViewNetwork {
     }
 
     /// Prepares places: their inputs.
-    pub fn places<T: Real>(&self, inputs: &[Lanes<T>], places: &mut Places<T>) {
+    pub fn places<T: Number>(&self, inputs: &[Lanes<T>], places: &mut Places<T>) {
         let network = self.network.of::<T>();
         let [first, _] = self.firsts;
         network.begin(&mut places.sums);
@@ -112,7 +113,7 @@ impl ViewNetwork {
 
     /// Outputs at a place along all directions, packet by packet. `found` sees how many of the lanes
     /// count.
-    pub fn along<T: Real>(
+    pub fn along<T: Number>(
         &self,
         directions: &Directions<T>,
         places: &Places<T>,
@@ -136,7 +137,7 @@ impl ViewNetwork {
     }
 
     /// Outputs at all places of a packet, along the first of the directions.
-    pub fn at_places<'a, T: Real>(
+    pub fn at_places<'a, T: Number>(
         &self,
         directions: &Directions<T>,
         places: &Places<T>,

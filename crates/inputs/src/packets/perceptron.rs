@@ -1,9 +1,8 @@
 //! Networks of layers with relu between them.
 
-use super::real::{LANES, Lanes, Real};
-
-/// Neurons that are summed at once; layers are filled up to a multiple.
-pub(super) const TILE: usize = 4;
+use super::kernels::Kernels;
+use super::multiply::TILE;
+use super::real::{LANES, Lanes};
 
 /// A layer, as files have it.
 #[derive(Debug, Clone)]
@@ -38,6 +37,24 @@ impl Layer {
     }
 }
 
+/// A width of numbers that networks are held in.
+pub trait Number: Kernels {
+    /// The network of these numbers.
+    fn of_both(both: &Both) -> &Perceptron<Self>;
+}
+
+impl Number for f32 {
+    fn of_both(both: &Both) -> &Perceptron<Self> {
+        &both.narrow
+    }
+}
+
+impl Number for f64 {
+    fn of_both(both: &Both) -> &Perceptron<Self> {
+        &both.wide
+    }
+}
+
 /// A network in both widths of numbers.
 #[derive(Debug)]
 pub struct Both {
@@ -52,7 +69,7 @@ impl Both {
     }
 
     /// The one of a width.
-    pub fn of<T: Real>(&self) -> &Perceptron<T> {
+    pub fn of<T: Number>(&self) -> &Perceptron<T> {
         T::of_both(self)
     }
 }
@@ -74,7 +91,7 @@ struct Tiles<T> {
     biases: Vec<T>,
 }
 
-impl<T: Real> Tiles<T> {
+impl<T: Kernels> Tiles<T> {
     fn new(layer: &Layer) -> Self {
         let (inputs, outputs) = (layer.inputs, layer.biases.len());
         let padded = outputs.next_multiple_of(TILE);
@@ -104,7 +121,7 @@ impl<T: Real> Tiles<T> {
     }
 }
 
-impl<T: Real> Perceptron<T> {
+impl<T: Kernels> Perceptron<T> {
     fn new(layers: &[Layer]) -> Self {
         Self { layers: layers.iter().map(Tiles::new).collect() }
     }
@@ -138,49 +155,6 @@ impl<T: Real> Perceptron<T> {
     }
 }
 
-/// See [`Real::multiply`]. `rows` are the weights' own inputs of each tile, of which `inputs` are the
-/// first ones. Terms are added in order, [`TILE`] inputs at a time: of one at a time, compilers make
-/// vectors over neurons, which takes thirty times as long.
-#[inline(always)]
-pub(super) fn multiply<T: Real>(
-    weights: &[T],
-    rows: usize,
-    inputs: &[Lanes<T>],
-    sums: &mut [Lanes<T>],
-) {
-    let (tiles, rest) = inputs.as_chunks::<TILE>();
-    let each = weights.chunks((TILE * rows).max(1));
-    for (sums, weights) in sums.as_chunks_mut::<TILE>().0.iter_mut().zip(each) {
-        let columns = weights.as_chunks::<TILE>().0;
-        for (inputs, columns) in tiles.iter().zip(columns.as_chunks::<TILE>().0) {
-            add_tile(inputs, columns, sums);
-        }
-        let left = columns.iter().skip(tiles.len() * TILE);
-        for (input, column) in rest.iter().zip(left) {
-            for (sums, weight) in sums.iter_mut().zip(column) {
-                sums.iter_mut().zip(input).for_each(|(sum, value)| *sum += *weight * *value);
-            }
-        }
-    }
-}
-
-/// Adds [`TILE`] inputs, each with its column of weights.
-#[inline(always)]
-fn add_tile<T: Real>(
-    [in_a, in_b, in_c, in_d]: &[Lanes<T>; TILE],
-    [a, b, c, d]: &[[T; TILE]; TILE],
-    [sums_a, sums_b, sums_c, sums_d]: &mut [Lanes<T>; TILE],
-) {
-    let rows = in_a.iter().zip(in_b).zip(in_c).zip(in_d);
-    let sums = sums_a.iter_mut().zip(sums_b).zip(sums_c).zip(sums_d);
-    for ((((sum_a, sum_b), sum_c), sum_d), (((in_a, in_b), in_c), in_d)) in sums.zip(rows) {
-        *sum_a = *sum_a + a[0] * *in_a + b[0] * *in_b + c[0] * *in_c + d[0] * *in_d;
-        *sum_b = *sum_b + a[1] * *in_a + b[1] * *in_b + c[1] * *in_c + d[1] * *in_d;
-        *sum_c = *sum_c + a[2] * *in_a + b[2] * *in_b + c[2] * *in_c + d[2] * *in_d;
-        *sum_d = *sum_d + a[3] * *in_a + b[3] * *in_b + c[3] * *in_c + d[3] * *in_d;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,7 +182,7 @@ mod tests {
         values
     }
 
-    fn held<T: Real>(layers: &[Layer], inputs: &[Lanes<f64>], split: usize, most: f64) {
+    fn held<T: Number>(layers: &[Layer], inputs: &[Lanes<f64>], split: usize, most: f64) {
         let network = Both::new(layers);
         let network = network.of::<T>();
         let narrow: Vec<Lanes<T>> = inputs.iter().map(|lanes| lanes.map(T::of)).collect();

@@ -52,6 +52,17 @@ pub struct PickedCameras {
 }
 
 impl CameraFile {
+    /// The cameras in the world that a transform leads to.
+    #[must_use]
+    pub fn moved(mut self, by: &WorldTransform) -> Self {
+        for frame in &mut self.frames {
+            if let Ok(camera) = &mut frame.camera {
+                *camera = by.moved(camera, self.applied);
+            }
+        }
+        self
+    }
+
     /// The cameras of all frames that can be read.
     pub fn sound(&self) -> impl Iterator<Item = &Camera> {
         self.frames.iter().filter_map(|frame| frame.camera.as_ref().ok())

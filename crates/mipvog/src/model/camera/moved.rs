@@ -13,7 +13,6 @@ use glam::{DMat4, DVec4};
 use serde_json::Value;
 
 use super::Camera;
-use super::frames::CameraFile;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
@@ -55,24 +54,11 @@ impl WorldTransform {
     }
 
     /// A camera of a file whose poses were turned and scaled before.
-    fn moved(&self, camera: &Camera, before: Self) -> Camera {
+    pub(super) fn moved(&self, camera: &Camera, before: Self) -> Camera {
         let scale = self.scale / before.scale;
         let mut to_world = self.matrix * before.matrix.inverse() * camera.to_world;
         to_world.w_axis = (scale * to_world.w_axis.truncate()).extend(1.0);
         Camera { to_world, ..camera.clone() }
-    }
-}
-
-impl CameraFile {
-    /// The cameras in the world that a transform leads to.
-    #[must_use]
-    pub fn moved(mut self, by: &WorldTransform) -> Self {
-        for frame in &mut self.frames {
-            if let Ok(camera) = &mut frame.camera {
-                *camera = by.moved(camera, self.applied);
-            }
-        }
-        self
     }
 }
 
