@@ -24,6 +24,10 @@ class BakeOptions(TypedDict, total=False):
     """Drop blocks whose opacity over one step of the level never exceeds this, 0 to 1 [default:
     0.001]"""
 
+    appearance: Optional[Words]
+    """Appearance of a nerfacto model: mean, zero, or that of a training picture by its number, from
+    0 [default: as in nerfstudio's own pictures]"""
+
     background: Optional[Words]
     """Colour behind the field: one number or three, 0 to 1, or #RRGGBB, white, black [default:
     likewise; else white]"""
@@ -33,6 +37,10 @@ class BakeOptions(TypedDict, total=False):
 
     block_size: Optional[Words]
     """Voxels along a block's edge, 1 to 64 [default: 8]"""
+
+    camera_transform: Optional[PathName]
+    """nerfstudio's dataparser_transforms.json, which leads from the camera file's world to that of
+    the training: for models of nerfstudio, and their bakes."""
 
     cameras: Optional[PathName]
     """Camera file: NeRF-synthetic's transforms.json or nerfstudio's; or the folder with it."""
@@ -58,7 +66,8 @@ class BakeOptions(TypedDict, total=False):
 
     drop_background: Optional[bool]
     """Keep only the inner box of an unbounded scene. Left out are Plenoxels' background spheres,
-    the contracted space of DirectVoxGO and MERF, and all beyond the unit cube of Instant-NGP."""
+    the contracted space of DirectVoxGO, MERF and nerfacto, and all beyond the unit cube of
+    Instant-NGP."""
 
     extent: Optional[float]
     """How far the outermost box of an unbounded scene reaches, in half sides of its inner box
@@ -204,6 +213,6 @@ class BakeOptions(TypedDict, total=False):
 
 
 # Options that name files to read.
-INPUTS = ("cameras", "coarse", "fit_cameras", "mlp", "photographs")
+INPUTS = ("camera_transform", "cameras", "coarse", "fit_cameras", "mlp", "photographs")
 # Options that name files to write.
 OUTPUTS = ("depfile", "gltf")

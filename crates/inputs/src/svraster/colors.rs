@@ -20,6 +20,8 @@ const LEAST_WEIGHT: f64 = 1e-4;
 pub(super) struct NodeColors {
     /// The place of each node's numbers.
     slots: Vec<u32>,
+    /// Nodes that have some, ascending: few of a plane's.
+    nodes: Vec<u32>,
     values: Vec<f32>,
     width: usize,
 }
@@ -27,7 +29,8 @@ pub(super) struct NodeColors {
 impl NodeColors {
     /// Bytes in memory.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.slots.as_slice()) + size_of_val(self.values.as_slice())
+        let tables = [&self.slots, &self.nodes].map(|table| size_of_val(table.as_slice()));
+        tables.iter().sum::<usize>() + size_of_val(self.values.as_slice())
     }
 
     /// The numbers of a node; none where no voxel touches it.
@@ -43,9 +46,10 @@ impl NodeColors {
 
     /// Calls `visit` with each node and its number of a channel.
     pub(super) fn channel(&self, channel: usize, mut visit: impl FnMut(usize, f32)) {
-        for (node, slot) in self.slots.iter().enumerate().filter(|(_, slot)| **slot != NO_SLOT) {
-            let value = self.values.get(*slot as usize * self.width + channel);
-            visit(node, value.copied().unwrap_or(0.0));
+        for &node in &self.nodes {
+            let slot = self.slots.get(node as usize).copied().unwrap_or(NO_SLOT);
+            let value = self.values.get(slot as usize * self.width + channel);
+            visit(node as usize, value.copied().unwrap_or(0.0));
         }
     }
 }
@@ -146,11 +150,13 @@ impl Painted<'_> {
 impl NodeColors {
     /// Adds the numbers to those of the same nodes.
     fn add_to(&self, others: &mut Self) {
-        for (slot, other) in self.slots.iter().zip(&others.slots) {
-            if *slot == NO_SLOT || *other == NO_SLOT {
+        for &node in &self.nodes {
+            let slots = [&self.slots, &others.slots].map(|slots| slots.get(node as usize).copied());
+            let [Some(slot), Some(other)] = slots else { continue };
+            if other == NO_SLOT {
                 continue;
             }
-            let [from, to] = [*slot, *other].map(|slot| slot as usize * self.width);
+            let [from, to] = [slot, other].map(|slot| slot as usize * self.width);
             let from = self.values.get(from..from + self.width).unwrap_or_default();
             let to = others.values.get_mut(to..to + self.width).unwrap_or_default();
             to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
@@ -192,6 +198,9 @@ impl Sums {
         let Self { slots, sums, width } = self;
         let rows = sums.chunks_exact(width + 1).filter_map(<[f32]>::split_last);
         let values = rows.flat_map(|(weight, row)| row.iter().map(move |sum| sum / weight));
-        NodeColors { slots, values: values.collect(), width }
+        let values = values.collect();
+        let with_slot = (0u32..).zip(&slots).filter(|(_, slot)| **slot != NO_SLOT);
+        let nodes = with_slot.map(|(node, _)| node).collect();
+        NodeColors { slots, nodes, values, width }
     }
 }
