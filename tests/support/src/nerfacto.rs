@@ -125,13 +125,16 @@ fn run(layers: &[(Vec<f64>, Vec<f64>)], inputs: &[f64]) -> Vec<f64> {
     values
 }
 
-fn of_torch(file: &TorchFile, name: &str, count: usize) -> Vec<(Vec<f64>, Vec<f64>)> {
+fn of_torch(file: &TorchFile, name: &str, count: usize) -> Vec<Layer> {
     let part = |number: usize, part: &str| values(file, &format!("{name}.layers.{number}.{part}"));
     (0..count).map(|number| (part(number, "weight"), part(number, "bias"))).collect()
 }
 
+/// Weights and biases of a layer.
+type Layer = (Vec<f64>, Vec<f64>);
+
 /// Layers between these widths from a flat array, and what is left of it.
-fn of_tcnn(flat: &[f64], widths: &[usize]) -> (Vec<(Vec<f64>, Vec<f64>)>, Vec<f64>) {
+fn of_tcnn(flat: &[f64], widths: &[usize]) -> (Vec<Layer>, Vec<f64>) {
     let mut rest = flat;
     let mut layers = Vec::new();
     for pair in widths.windows(2) {

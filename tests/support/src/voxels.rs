@@ -26,7 +26,7 @@ impl Cube {
         let mut path = 0;
         for (corner, shift) in self.corner.iter().zip([2, 1, 0]) {
             for bit in 0..16 {
-                path |= i64::from(corner * unit >> bit & 1) << (3 * bit + shift);
+                path |= i64::from((corner * unit) >> bit & 1) << (3 * bit + shift);
             }
         }
         path

@@ -183,7 +183,8 @@ impl Network {
         widths: &[usize],
         mut number: impl FnMut() -> f64,
     ) -> Self {
-        let mut network = Self { layers: Vec::new(), inputs, waves: OCTAVES, features };
+        let (waves, is_residual) = (OCTAVES, false);
+        let mut network = Self { layers: Vec::new(), inputs, waves, features, is_residual };
         let mut width = network.direction_inputs().end;
         for &outputs in widths {
             let mut numbers = |count: usize| -> Vec<f64> {
