@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn every_place_is_found_in_its_voxel() {
-        let voxels = [(0o7 << 45, 1), (0o12 << 42, 2), (0o123 << 39, 3), (0o1245 << 36, 4)];
+        let voxels = [(0o7 << 45, 1), (0o12 << 42, 2), (0o133 << 39, 3), (0o1345 << 36, 4)];
         let tree = tree(&voxels).expect("sound");
         let step = SIDE / 16;
         for number in 0..4096u32 {
