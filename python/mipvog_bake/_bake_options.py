@@ -118,6 +118,9 @@ class BakeOptions(TypedDict, total=False):
     gltf: Optional[PathName]
     """Also write a glTF asset, .glb or .gltf; it has the field, and a mesh for other viewers."""
 
+    grid: Optional[Words]
+    """Grid of an OpenVDB file that holds density [default: density, else the only fog volume]"""
+
     if_changed: Optional[bool]
     """Bake only if the input, the options or the version differ from those of the existing
     container, and replace it."""

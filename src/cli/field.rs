@@ -156,7 +156,7 @@ impl SceneArguments {
             false => Ok(()),
             true => Err(Error::usage(
                 "--coarse, --mlp, --scene-scale, --view, --resolution, --extent, \
-                 --appearance and --drop-background belong to trained inputs; a container states these itself",
+                 --appearance, --grid and --drop-background belong to trained inputs; a container states these itself",
             )),
         }
     }

@@ -74,6 +74,9 @@ pub struct SceneArguments {
     /// 0 [default: as in nerfstudio's own pictures]
     #[arg(long, value_name = "mean|zero|N", value_parser = parse_appearance)]
     pub appearance: Option<AppearanceChoice>,
+    /// Grid of an OpenVDB file that holds density [default: density, else the only fog volume]
+    #[arg(long, value_name = "NAME")]
+    pub grid: Option<String>,
 }
 
 /// The settings for an input, from every place but the input itself.
@@ -117,6 +120,7 @@ impl SceneArguments {
             resolution: self.resolution,
             extent: self.extent,
             appearance: self.appearance.unwrap_or_default(),
+            grid: self.grid.clone(),
         }
     }
 
@@ -131,6 +135,7 @@ impl SceneArguments {
             resolution: None,
             extent: None,
             appearance: None,
+            grid: None,
             ..self.clone()
         }
     }
@@ -139,7 +144,7 @@ impl SceneArguments {
     pub fn reads_a_model(&self) -> bool {
         let other_view = self.mlp != MlpChoice::Auto || self.view != ViewChoice::Keep;
         let reads = self.drop_background || self.resolution.is_some() || self.extent.is_some();
-        let reads = reads || self.appearance.is_some();
+        let reads = reads || self.appearance.is_some() || self.grid.is_some();
         other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 

@@ -180,6 +180,11 @@ fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()>
         );
         return Err(Error::usage(message));
     }
+    if options.grid.is_some() && family != Some(Family::Vdb) {
+        let name = family.map_or("a checkpoint", Family::name);
+        let message = format!("--grid names a grid of an OpenVDB file, and this is {name}");
+        return Err(Error::usage(message));
+    }
     let Some(family) = family.filter(|family| *family != Family::Dvgo) else { return Ok(()) };
     // The others say themselves what they make of a network.
     let has_no_network = matches!(

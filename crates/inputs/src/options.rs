@@ -44,6 +44,8 @@ pub struct SourceOptions {
     pub extent: Option<f32>,
     /// The appearance that nerfacto's colours are taken with. Default: as nerfstudio's own pictures
     pub appearance: AppearanceChoice,
+    /// The grid of an OpenVDB file that holds density. Default: `density`, else the only fog volume
+    pub grid: Option<String>,
 }
 
 /// The appearance of a model that has one for each picture of its training.

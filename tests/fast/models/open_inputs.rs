@@ -273,6 +273,88 @@ fn volumes_are_found_by_other_names_and_in_turned_boxes() {
     assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
 }
 
+#[test]
+fn the_grid_of_density_may_be_named() {
+    let volume = |name: &str, grid: &str| {
+        let options = SourceOptions { grid: Some(grid.to_owned()), ..SourceOptions::default() };
+        open_with(&fixture("vdb").join(name), &options, &Limits::default())
+    };
+    let own = open_path(&fixture("vdb/two.vdb")).expect("a volume");
+    same("density", &volume("two.vdb", "density").expect("by its name"), &own);
+    let other = volume("two.vdb", "temperature").expect("another grid");
+    assert!(other.assumptions.iter().all(|told| told.key != "density"));
+    for grid in ["Density", "heat", ""] {
+        let error = volume("two.vdb", grid).expect_err(grid);
+        assert!(matches!(error.kind(), ErrorKind::InvalidOption { .. }), "{error}");
+        assert!(error.to_string().contains("temperature"), "{error}");
+    }
+    let error = volume("full.vdb", "Cd").expect_err("a colour");
+    assert!(error.to_string().contains("one number a voxel"), "{error}");
+    let options = SourceOptions { grid: Some("density".to_owned()), ..SourceOptions::default() };
+    let error = of_bytes(sampled().to_bytes(), &options).expect_err("no volume");
+    assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");
+}
+
+/// A file of one leaf of half floats, as OpenVDB 13 writes them: version 225, no compression.
+fn half_volume(value: impl Fn(usize) -> f32) -> Vec<u8> {
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
+    let half = |value: f32| half::f16::from_f32(value).to_le_bytes();
+    let mask = |words: usize, first: u64| {
+        let rest = std::iter::repeat_n(0u64, words - 1);
+        std::iter::once(first).chain(rest).flat_map(u64::to_le_bytes).collect::<Vec<u8>>()
+    };
+    let mut file = vec![0x20, 0x42, 0x44, 0x56, 0, 0, 0, 0];
+    file.extend([225u32, 13, 0].iter().flat_map(|number| number.to_le_bytes()));
+    file.push(1);
+    file.extend([b'0'; 36]);
+    file.extend([0u32, 1].iter().flat_map(|number| number.to_le_bytes()));
+    for word in ["density", "Tree_half_5_4_3", ""] {
+        file.extend(text(word));
+    }
+    let mut grid = [0u32, 0].iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>();
+    grid.extend(text("UniformScaleMap"));
+    // The scale, and what follows from it, which nobody reads.
+    grid.extend([0.5f64; 15].iter().flat_map(|number| number.to_le_bytes()));
+    grid.extend(1u32.to_le_bytes());
+    grid.extend(half(0.0));
+    grid.extend([0u32, 1, 0, 0, 0].iter().flat_map(|number| number.to_le_bytes()));
+    for places in [32usize * 32 * 32, 16 * 16 * 16] {
+        grid.extend(mask(places / 64, 1));
+        grid.extend(mask(places / 64, 0));
+        // All values are there.
+        grid.push(6);
+        grid.extend((0..places).flat_map(|_| half(0.0)));
+    }
+    let active = [u64::MAX; 8].iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    grid.extend(&active);
+    let blocks = grid.len();
+    grid.extend(&active);
+    grid.push(6);
+    grid.extend((0..512).flat_map(|at| half(value(at))));
+    let start = file.len() + 24;
+    for place in [start, start + blocks, start + grid.len()] {
+        file.extend((place as u64).to_le_bytes());
+    }
+    [file, grid].concat()
+}
+
+#[test]
+fn grids_of_half_floats_are_read() {
+    let value = |at: usize| at as f32 / 8.0;
+    let source = of_bytes(half_volume(value), &SourceOptions::default()).expect("a volume");
+    // One node of nothing beyond each face.
+    assert_eq!(source.field.scene.nodes.0, [10; 3]);
+    let found = grid_values(&source.field.density);
+    for at in 0..512 {
+        let [x, y, z] = [at / 64 + 1, at / 8 % 8 + 1, at % 8 + 1];
+        assert_eq!(found[(x * 10 + y) * 10 + z], value(at), "{at}");
+    }
+    let bytes = half_volume(value);
+    for length in [bytes.len() - 1, bytes.len() / 2, 150] {
+        assert!(of_bytes(bytes[..length].to_vec(), &SourceOptions::default()).is_err());
+    }
+}
+
 /// Bytes in which one word of the same length stands for another.
 fn swap(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
     assert_eq!(from.len(), to.len());

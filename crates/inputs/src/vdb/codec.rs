@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Zlib and Blosc streams have their length before them as an i64; a length that is not positive is
-//! that of bytes that are not compressed. No values at all still have that length, but for half
-//! floats, of which nothing is there.
+//! that of bytes that are not compressed. No values at all still have that length, but for numbers
+//! that were saved as half floats, of which nothing is there.
 
 use half::f16;
 
@@ -24,13 +24,24 @@ const BLOSC: u32 = 4;
 /// All values are there.
 const ALL: u8 = 6;
 
+/// How the numbers of a grid are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// As float32.
+    Full,
+    /// Float32 in the program; the voxels of nodes were saved as half floats.
+    SavedAsHalf,
+    /// Half floats throughout, since OpenVDB 13.
+    Half,
+}
+
 /// The values' type, and how they are compressed.
 #[derive(Debug, Clone)]
 pub struct Codec {
     /// Numbers of a value: 1 or 3.
     pub width: usize,
-    /// Numbers are half floats.
-    pub half: bool,
+    /// How numbers are stored.
+    pub precision: Precision,
     /// Flags.
     pub compression: u32,
     /// The value of voxels that are not stored.
@@ -38,11 +49,14 @@ pub struct Codec {
 }
 
 impl Codec {
-    /// A number of full width: backgrounds, tiles of the root, inactive values.
+    /// A value as the program has it: backgrounds, tiles of the root, inactive values.
     pub fn full_value(&self, reader: &mut ByteReader) -> Result<[f32; 3]> {
         let mut value = [0.0; 3];
         for number in value.iter_mut().take(self.width) {
-            *number = f32::from_le_bytes(reader.array()?);
+            *number = match self.precision {
+                Precision::Half => f16::from_le_bytes(reader.array()?).to_f32(),
+                Precision::Full | Precision::SavedAsHalf => f32::from_le_bytes(reader.array()?),
+            };
         }
         Ok(value)
     }
@@ -88,7 +102,7 @@ impl Codec {
             true => (0..count).filter(|&at| is_on(active, at)).count(),
             false => count,
         };
-        let size = self.width * if self.half { 2 } else { 4 };
+        let size = self.width * if self.precision == Precision::Full { 4 } else { 2 };
         let bytes = self.bytes(reader, stored * size)?;
         let mut values = bytes.chunks_exact(size).map(|value| self.decode(value));
         for at in 0..count {
@@ -104,7 +118,7 @@ impl Codec {
 
     fn decode(&self, bytes: &[u8]) -> [f32; 3] {
         let mut value = [0.0; 3];
-        if self.half {
+        if self.precision != Precision::Full {
             for (number, bytes) in value.iter_mut().zip(bytes.as_chunks::<2>().0) {
                 *number = f16::from_le_bytes(*bytes).to_f32();
             }
@@ -121,7 +135,7 @@ impl Codec {
         if self.compression & (ZIP | BLOSC) == 0 {
             return reader.take(length).map(<[u8]>::to_vec);
         }
-        if length == 0 && self.half {
+        if length == 0 && self.precision == Precision::SavedAsHalf {
             return Ok(Vec::new());
         }
         let (place, stated) = (reader.place(), reader.u64()?.cast_signed());

@@ -1,6 +1,6 @@
 //! One grid of a file.
 
-use super::codec::Codec;
+use super::codec::{Codec, Precision};
 use super::placed::{Placed, read_map};
 use super::tree::Tree;
 use crate::base::bytes::ByteReader;
@@ -8,12 +8,13 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{Budget, LimitName, Limits};
 use crate::tensor::{GRIDS, TensorFile, Value, VdbValue, read_metadata, read_text};
 
-/// Types that are read, the numbers of a value, and true for half floats.
-const TYPES: [(&str, usize, bool); 4] = [
-    ("Tree_float_5_4_3", 1, false),
-    ("Tree_float_5_4_3_HalfFloat", 1, true),
-    ("Tree_vec3s_5_4_3", 3, false),
-    ("Tree_vec3s_5_4_3_HalfFloat", 3, true),
+/// Types that are read, the numbers of a value, and their precision.
+const TYPES: [(&str, usize, Precision); 5] = [
+    ("Tree_float_5_4_3", 1, Precision::Full),
+    ("Tree_float_5_4_3_HalfFloat", 1, Precision::SavedAsHalf),
+    ("Tree_half_5_4_3", 1, Precision::Half),
+    ("Tree_vec3s_5_4_3", 3, Precision::Full),
+    ("Tree_vec3s_5_4_3_HalfFloat", 3, Precision::SavedAsHalf),
 ];
 
 /// The metadata that says what a grid's numbers are.
@@ -120,7 +121,7 @@ pub fn read_grid(
     }
     let kind = grid_names(file).iter().find(|(own, _)| *own == name).map_or("", |(_, kind)| kind);
     let found = TYPES.iter().find(|(own, ..)| *own == kind);
-    let Some(&(_, width, half)) = found else {
+    let Some(&(_, width, precision)) = found else {
         let expected = "floats or vectors of three floats in a tree 5-4-3, full or half";
         return Err(Error::unsupported(place(), format!("a grid of type {kind}"), expected));
     };
@@ -135,7 +136,7 @@ pub fn read_grid(
     let map_place = reader.place();
     let map = read_text(&mut reader)?;
     let placed = read_map(&mut reader, &map, &map_place)?;
-    let mut codec = Codec { width, half, compression, background: [0.0; 3] };
+    let mut codec = Codec { width, precision, compression, background: [0.0; 3] };
     let mut tree = Tree::topology(&mut reader, &mut codec, limits, budget)?;
     if reader.offset() != blocks {
         let found = format!("a tree that ends at {}", reader.offset());

@@ -41,12 +41,15 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let grids = grid_names(file);
     let place = Place::Key(GRIDS.to_owned());
     let mut assumptions = Vec::new();
-    let name = density_name(file, &grids, limits, &mut assumptions)?;
+    let name = match &options.grid {
+        Some(name) => grid_of(&grids, name)?,
+        None => density_name(file, &grids, limits, &mut assumptions)?,
+    };
     let mut budget = Budget::new(limits);
     let density = read_grid(file, name, limits, &mut budget)?;
     check_class(&density, name)?;
     let is_empty = density.tree.leaves.is_empty() && density.tree.tiles.is_empty();
-    if is_empty && named(&grids, DENSITY).is_none() {
+    if is_empty && options.grid.is_none() && named(&grids, DENSITY).is_none() {
         return Err(without_density(&grids));
     }
     let (bounds, nodes) = bounds_of(&density, limits, &place)?;
@@ -112,6 +115,23 @@ fn named<'a>(grids: &[(&'a str, &'a str)], wanted: &str) -> Option<&'a str> {
     exact.or_else(|| names.find(|name| name.eq_ignore_ascii_case(wanted)))
 }
 
+/// The grid of a name that the user states.
+fn grid_of<'a>(grids: &[(&'a str, &'a str)], name: &str) -> Result<&'a str> {
+    let found = grids.iter().find(|(own, _)| *own == name);
+    let (own, kind) = found.ok_or_else(|| {
+        Error::invalid_option(
+            "grid",
+            name.to_owned(),
+            format!("one of the file's {}", listed(grids)),
+        )
+    })?;
+    if !is_scalar(kind) {
+        let expected = "a grid of one number a voxel";
+        return Err(Error::invalid_option("grid", format!("{name}, of type {kind}"), expected));
+    }
+    Ok(own)
+}
+
 /// The grid of density. Without one of that name it is the only fog volume of single numbers.
 fn density_name<'a>(
     file: &'a TensorFile,
@@ -145,16 +165,20 @@ fn density_name<'a>(
 
 /// The error for a file in which no grid is that of density.
 fn without_density(grids: &[(&str, &str)]) -> Error {
-    let found = match grids {
+    let expected = "a fog volume in a grid named density, or one fog volume alone";
+    let error = Error::unsupported(Place::Key(GRIDS.to_owned()), listed(grids), expected);
+    error.advise("name the grid of density with --grid")
+}
+
+/// The names of a file's grids, for people.
+fn listed(grids: &[(&str, &str)]) -> String {
+    match grids {
         [] => "no grids".to_owned(),
         grids => {
             let names: Vec<&str> = grids.iter().map(|(name, _)| shown(name)).collect();
             format!("grids {}", names.join(", "))
         }
-    };
-    let expected = "a fog volume in a grid named density, or one fog volume alone";
-    let error = Error::unsupported(Place::Key(GRIDS.to_owned()), found, expected);
-    error.advise("give the grid of density this name, and save the file")
+    }
 }
 
 /// A grid's name, for people.
