@@ -13,9 +13,11 @@
 //! Each voxel has twelve rays: along each axis, through two places along each other axis. `w` is how
 //! near a ray is to the corner. Densities are logits here, which is how a field interpolates them.
 
+use std::sync::Arc;
+
 use super::density::{between, density};
-use super::loaded::Voxels;
-use super::octree::{Cube, SIDE};
+use super::loaded::{VoxelFile, Voxels};
+use super::octree::{Cube, unit};
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::activate;
@@ -45,8 +47,17 @@ fn of_logit(logit: f64) -> f64 {
 /// Sums of a voxel's rays at its corners: by few samples, and by many steps.
 type Sums = [[f32; 2]; 8];
 
+impl VoxelFile {
+    /// Logits of densities at distinct corners, for a field.
+    pub(super) fn logits(&self) -> Result<Arc<Vec<f32>>> {
+        let voxels = self.load()?;
+        let unit = unit(self.settings.extent);
+        self.logits.get(|| logits(&voxels, &self.places.cubes(), unit, self.samples))
+    }
+}
+
 /// Logits of the densities at distinct corners. Voxels have so many `samples` by their own rules.
-pub(super) fn logits(voxels: &Voxels, cubes: &[Cube], unit: f64, samples: u32) -> Result<Vec<f32>> {
+fn logits(voxels: &Voxels, cubes: &[Cube], unit: f64, samples: u32) -> Result<Vec<f32>> {
     let mut logits: Vec<f32> =
         voxels.table().iter().map(|raw| logit(density(f64::from(*raw)))).collect();
     let mut sums = vec![[0.0f32; 2]; logits.len()];
@@ -116,9 +127,4 @@ fn of_voxel(raw: &[f32; 8], logits: &[f32; 8], length: f64, samples: u32) -> Sum
 fn mean(count: u32, value: impl Fn(f64) -> f64) -> f64 {
     let places = (0..count).map(|part| (f64::from(part) + 0.5) / f64::from(count));
     places.map(value).sum::<f64>() / f64::from(count)
-}
-
-/// World units of an edge of the smallest voxels.
-pub(super) fn unit(extent: f64) -> f64 {
-    extent / f64::from(SIDE)
 }

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
 use super::colors::{NodeColors, Painted};
-use super::even::unit;
 use super::loaded::VoxelFile;
+use super::octree::unit;
 use super::plan::BoxPlan;
 use super::plane::densities;
 use crate::base::error::Result;

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use super::corners::Corners;
 use super::density::between;
-use super::even::{self, unit};
-use super::keys::{Settings, Stored};
+use super::keys::Stored;
 use super::octree::{Cube, MOST_VOXELS, Octree};
+use super::ply_rows::DAMAGED;
+use super::settings::Settings;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::lazy::Lazy;
@@ -83,15 +84,6 @@ impl VoxelFile {
             voxels.check()?;
             Ok(voxels)
         })
-    }
-}
-
-impl VoxelFile {
-    /// Logits of densities at distinct corners, for a field.
-    pub(super) fn logits(&self) -> Result<Arc<Vec<f32>>> {
-        let voxels = self.load()?;
-        let unit = unit(self.settings.extent);
-        self.logits.get(|| even::logits(&voxels, &self.places.cubes(), unit, self.samples))
     }
 }
 
@@ -191,7 +183,3 @@ fn table(
     }
     Ok(table)
 }
-
-/// The remedy for PLY files without densities of their own at corners.
-pub(super) const DAMAGED: &str =
-    "a converter under NumPy 2 loses the densities at corners: bake the .pt file itself";

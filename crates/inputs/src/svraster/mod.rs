@@ -41,6 +41,7 @@ mod open;
 mod plan;
 mod plane;
 mod ply_rows;
+mod settings;
 
 pub use keys::knows;
 pub use open::open_tensors;

@@ -13,9 +13,8 @@
 use std::sync::Arc;
 
 use super::density::density;
-use super::even::unit;
 use super::loaded::{VoxelFile, Voxels};
-use super::octree::{Cube, SIDE};
+use super::octree::{Cube, SIDE, unit};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;

@@ -8,6 +8,11 @@ pub(super) const LEVELS: u32 = 16;
 /// Edge of the root in edges of the smallest voxels.
 pub(super) const SIDE: u32 = 1 << LEVELS;
 
+/// World units of an edge of the smallest voxels.
+pub(super) fn unit(extent: f64) -> f64 {
+    extent / f64::from(SIDE)
+}
+
 /// Stands for no child.
 const NONE: u32 = u32::MAX;
 /// Set in children that are leaves; the rest is the voxel's number.

@@ -11,7 +11,7 @@ use crate::base::limits::Limits;
 use crate::model::field::Lattice;
 use crate::model::grid::{Bounds, Nodes};
 
-use super::keys::Settings;
+use super::settings::Settings;
 
 /// Cells in voxels, at most, in numbers of voxels.
 const MOST_CELLS: f64 = 16.0;

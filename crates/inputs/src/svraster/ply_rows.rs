@@ -6,14 +6,16 @@
 
 use std::sync::Arc;
 
-use super::keys::{Settings, check_harmonics};
-use super::loaded::DAMAGED;
 use super::octree::{Cube, SIDE};
+use super::settings::{Settings, check_harmonics};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget};
 use crate::tensor::{TensorFile, Value};
 
+/// The remedy for PLY files without densities of their own at corners.
+pub(super) const DAMAGED: &str =
+    "a converter under NumPy 2 loses the densities at corners: bake the .pt file itself";
 /// Bytes that are read at once, at most.
 const READ_BYTES: usize = 1 << 22;
 
