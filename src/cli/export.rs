@@ -64,7 +64,7 @@ pub struct Arguments {
     /// Box of a world to export; 0 is the innermost. Larger ones have a hole where the next smaller
     /// box is [default: 0]
     #[arg(long = "box", value_name = "K")]
-    number: Option<usize>,
+    nested_box: Option<usize>,
     /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]
     #[arg(long, value_name = "K", conflicts_with = "resolution")]
     supersample: Option<usize>,
@@ -216,7 +216,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         cameras: cameras.len(),
         required_psnr: arguments.require_psnr,
         passed,
-        lost: lost_of(exported.lost, is_inner.then_some(arguments.number.unwrap_or(0))),
+        lost: lost_of(exported.lost, is_inner.then_some(arguments.nested_box.unwrap_or(0))),
         details: exported.details,
     };
     let output = arguments.output.display();
@@ -321,7 +321,7 @@ impl Arguments {
             (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
         }
         let boxes = field.view().boxes.len().max(1);
-        if let Some(number) = self.number {
+        if let Some(number) = self.nested_box {
             let expected = format!("a box below {boxes}");
             Error::require_option(number < boxes, "box", number, &expected)?;
             if format.takes_container() {
@@ -350,7 +350,7 @@ impl Arguments {
                            --drop-background";
             return Err(Error::usage(message));
         };
-        scene.open_baked(&container.read()?.one_box(self.number.unwrap_or(0)), None, limits)
+        scene.open_baked(&container.read()?.one_box(self.nested_box.unwrap_or(0)), None, limits)
     }
 
     /// The settings that the field is opened with. The resolution is the export's alone, but for

@@ -3,7 +3,8 @@
 //! Box 0 is the inner box, and each next one reaches twice as far with nodes twice as far apart: all
 //! have as many. Nodes of box 0 are corners of the octree's cells of one level. That level is the
 //! finest at which the boxes have at most [`MOST_CELLS`] times as many cells in voxels as there are
-//! voxels: larger voxels are made of many cells, and smaller ones are averaged.
+//! voxels, and [`MOST_NODES`] along an edge: larger voxels are made of many cells, and smaller ones
+//! are averaged.
 
 use super::octree::{Cube, LEVELS, SIDE};
 use crate::base::error::{Error, Place, Result};
@@ -15,6 +16,9 @@ use super::settings::Settings;
 
 /// Cells in voxels, at most, in numbers of voxels.
 const MOST_CELLS: f64 = 16.0;
+/// Nodes along an edge, at most, that nobody asked for: a bake of twice as many needs four times the
+/// memory, which is 10 GB for harmonics of degree 3.
+const MOST_NODES: u64 = 513;
 /// Doublings of a box that no file states are found among these.
 const MOST_GUESSED: u32 = 8;
 
@@ -146,7 +150,7 @@ impl Plan {
         let (least, finest) = (doublings + 1, counts.finest().clamp(doublings + 1, LEVELS));
         let fits = |level: &u32| {
             let nodes = (1u64 << (level - doublings)) + 1;
-            nodes <= limits.axis_nodes && counts.cells(*level) <= most
+            nodes <= limits.axis_nodes.min(MOST_NODES) && counts.cells(*level) <= most
         };
         let level = match resolution {
             None => (least..=finest).rev().find(fits).unwrap_or(least),
@@ -204,6 +208,15 @@ mod tests {
         }
         let coarse = Plan::new(&cubes, 2, 1e9, Some(5), &limits).expect("a plan");
         assert_eq!((coarse.boxes[0].nodes, coarse.averaged), (5, 2));
+    }
+
+    #[test]
+    fn nobody_gets_large_grids_unasked() {
+        let cubes = [cube([1000; 3], 10), cube([3; 3], 10)];
+        let plan = |nodes| Plan::new(&cubes, 0, 1.0, nodes, &Limits::default()).expect("a plan");
+        let [unasked, asked] = [plan(None), plan(Some(1025))];
+        assert_eq!((unasked.boxes[0].nodes, unasked.averaged), (513, 2));
+        assert_eq!((asked.boxes[0].nodes, asked.averaged), (1025, 0));
     }
 
     #[test]
