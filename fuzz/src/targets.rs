@@ -90,8 +90,9 @@ pub fn grids(bytes: &[u8]) {
     model(&file(bytes.to_vec()));
 }
 
-/// The pickle and the storages of a checkpoint of TensoRF, DirectVoxGO or nerfacto, each after its length in
-/// four bytes, in a sound zip file: shown by its own rules, and read as a bake reads it.
+/// The pickle and the storages of a checkpoint of TensoRF, DirectVoxGO, nerfacto or SVRaster, each
+/// after its length in four bytes, in a sound zip file: shown by its own rules, and read as a bake
+/// reads it.
 pub fn models(bytes: &[u8]) {
     let mut rest = bytes;
     let mut parts = [&bytes[..0]; 3];

@@ -18,6 +18,7 @@ use super::msgpack::zlib;
 use super::nerfacto::nerfacto;
 use super::ngp::small_ngp;
 use super::targets::{self, TARGETS, Target};
+use super::voxels::Voxels;
 use super::{Random, chunks, fixture, root};
 use mipvog::base::bytes::SourceFile;
 use mipvog::container::json::to_canonical;
@@ -85,10 +86,12 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         .collect();
     if target == "grids" {
         seeds.extend(SMALL_GRIDS.map(|grid| grid().to_bytes()));
+        seeds.push(Voxels::small().ply());
     }
     if target == "models" {
         seeds.extend(SMALL_MODELS.map(|model| model().to_seed()));
         seeds.extend([false, true].map(|by_tcnn| nerfacto(by_tcnn).to_seed()));
+        seeds.push(Voxels::small().checkpoint().to_seed());
     }
     if target == "snapshot" {
         let model = small_ngp(1.4, false, 8, 1);
