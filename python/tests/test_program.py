@@ -43,4 +43,5 @@ def test_an_interrupt_ends_the_program_without_a_traceback(tmp_path):
         served.send_signal(signal.SIGINT)
         more, words = served.communicate(timeout=60)
     assert b"127.0.0.1" in address and not more, (address, more)
-    assert b"Traceback" not in words and served.returncode == 130, words
+    # A server ends when somebody asks it to: that is no error.
+    assert b"Traceback" not in words and served.returncode == 0, words
