@@ -68,4 +68,4 @@ def test_the_driver_holds_no_more_than_names(tmp_path: Path) -> None:
         results = [json.loads(line) for line in lines]
         assert {result["exit_code"] for result in results} == {5}
         assert len(lines) == len({result["output"] for result in results}) == count
-        assert f"{count} scenes: 0 baked, 0 current, {count} failed" in ended.stdout
+        assert f"{count} scenes: 0 baked, 0 unchanged, {count} failed" in ended.stdout
