@@ -24,9 +24,9 @@ const AROUND: usize = 8;
 const AROUND_SIZE: usize = 400;
 /// Pixels of such a picture for each voxel along the longest axis, so that level 0 is read.
 const PIXELS_PER_VOXEL: usize = 3;
-/// What makes a camera file of COLMAP's and LLFF's.
-const OF_OTHERS: &str = "COLMAP's and LLFF's cameras are not read: `ns-process-data` of nerfstudio \
-                         writes a transforms.json from them";
+/// What to do about LLFF's cameras.
+const OF_LLFF: &str = "LLFF's poses are not read, for every training moves and scales them in its own way: \
+                       pass the transforms.json or the COLMAP model that they were made from";
 /// Memory for a pixel while it is rendered: its sums and the picture's channels.
 const BYTES_A_PIXEL: u64 = 160;
 
@@ -34,7 +34,8 @@ const BYTES_A_PIXEL: u64 = 160;
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Cameras")]
 pub struct CameraArguments {
-    /// Camera file: NeRF-synthetic's transforms.json or nerfstudio's; or the folder with it
+    /// Camera file: NeRF-synthetic's transforms.json or nerfstudio's, or images.bin or images.txt of
+    /// a COLMAP model; or the folder with it
     #[arg(long, value_name = "FILE", value_parser = camera_path())]
     cameras: Option<PathBuf>,
     /// nerfstudio's dataparser_transforms.json, which leads from the camera file's world to that of
@@ -138,8 +139,9 @@ impl CameraArguments {
     pub fn of_file(&self, common: &Common) -> Result<Option<Vec<Camera>>> {
         let Some(file) = self.file() else { return Ok(None) };
         let read = file.read(self.size.map(|Size(size)| size), &common.limits());
-        let read = read.map_err(|error| match is_of_others(&file.path) {
-            true => error.advise(OF_OTHERS),
+        let is_of_llff = file.path.file_name().is_some_and(|name| name == "poses_bounds.npy");
+        let read = read.map_err(|error| match is_of_llff {
+            true => error.advise(OF_LLFF),
             false => error,
         })?;
         let picked = read.pick(&self.frames)?;
@@ -157,12 +159,6 @@ impl CameraArguments {
 fn wide_enough(field: &Renderer) -> [usize; 2] {
     let longest = field.view().nodes.0.into_iter().max().unwrap_or(0);
     [(PIXELS_PER_VOXEL * longest).clamp(AROUND_SIZE, DEFAULT_SIZE[0]); 2]
-}
-
-/// True for the cameras of COLMAP and of LLFF.
-fn is_of_others(path: &Path) -> bool {
-    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    matches!(name, "cameras.txt" | "cameras.bin" | "images.txt" | "images.bin" | "poses_bounds.npy")
 }
 
 /// Tells what is left out or assumed of the cameras of a file.

@@ -17,7 +17,14 @@ use mipvog_outputs::gltf::asset::is_asset;
 /// The scene in a folder of DirectVoxGO's or Mip-VoG's training.
 const CHECKPOINT: &str = "fine_last.tar";
 /// Camera files of a scene's folder, the first one first.
-const CAMERAS: [&str; 2] = ["transforms.json", "transforms_test.json"];
+const CAMERAS: [&str; 6] = [
+    "transforms.json",
+    "transforms_test.json",
+    "images.bin",
+    "images.txt",
+    "sparse/0/images.bin",
+    "sparse/0/images.txt",
+];
 /// Extensions of files that verbs read.
 const INPUTS: [&str; 13] = [
     "ckpt",

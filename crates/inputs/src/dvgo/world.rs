@@ -185,7 +185,14 @@ impl ColoredWorld for WorldFile {
         }
     }
 
-    fn places(&self, whole: &Whole, positions: &[[f64; 3]], places: &mut Vec<Vec<f64>>) {
+    fn places(
+        &self,
+        whole: &Whole,
+        positions: &[[f64; 3]],
+        places: &mut Vec<Vec<f64>>,
+        densities: &mut Vec<f64>,
+    ) {
+        self.densities(whole, positions, true, densities);
         places.clear();
         places.extend(positions.iter().map(|position| {
             let contracted = self.contraction.contracted(self.contraction.place(*position));

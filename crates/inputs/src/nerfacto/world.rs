@@ -58,9 +58,16 @@ impl ColoredWorld for NerfactoWorld {
         model.along(directions)
     }
 
-    fn places(&self, model: &Nerfacto, positions: &[[f64; 3]], found: &mut Found) {
+    fn places(
+        &self,
+        model: &Nerfacto,
+        positions: &[[f64; 3]],
+        found: &mut Found,
+        densities: &mut Vec<f64>,
+    ) {
         found.fill(positions, |positions, scratch, places| {
-            model.places(positions, scratch, places);
+            let packet = model.places(positions, scratch, places);
+            densities.extend(packet.into_iter().take(positions.len()));
         });
     }
 

@@ -24,38 +24,26 @@ pub(super) struct SampledColors<W> {
     pub(super) lattice: Lattice,
 }
 
-impl<W: ColoredWorld> SampledColors<W> {
-    /// The points that a node's colour is a mean of, with their shares.
-    fn shares(
-        &self,
-        loaded: &W::Loaded,
-        node: [usize; 3],
-        densities: &mut Vec<f64>,
-    ) -> Vec<([f64; 3], f64)> {
-        let points = points(&*self.world, &self.lattice, node, true);
-        if let [point] = points.as_slice() {
-            return vec![(*point, 1.0)];
-        }
-        densities.clear();
-        self.world.densities(loaded, &points, true, densities);
-        let spacing = self.lattice.nodes.spacing(&self.lattice.bounds);
-        let edge = spacing.into_iter().fold(0.0, f64::max) / libm::cbrt(points.len() as f64);
-        let stopped = |density: &f64| -libm::expm1(-density * edge);
-        let all: f64 = densities.iter().map(stopped).sum();
-        let shares = points.into_iter().zip(densities.iter().map(stopped));
-        let shown: Vec<_> = shares.filter(|(_, share)| *share > FAINT * all).collect();
-        let sum: f64 = shown.iter().map(|(_, share)| share).sum();
-        match sum > 0.0 {
-            true if shown.len() > MOST_COLORS => chosen(&shown, sum),
-            true => shown.into_iter().map(|(point, share)| (point, share / sum)).collect(),
-            // Nothing is there, but the colour counts between this node and the next one.
-            false => vec![(self.lattice.position(node), 1.0)],
-        }
+/// The points of a cell that its node's colour is a mean of, with their shares: those that stop the
+/// light of an edge of the cell, by their optical depths per world unit.
+fn shares(densities: &[f64], spacing: f64) -> Vec<(usize, f64)> {
+    let edge = spacing / libm::cbrt(densities.len() as f64);
+    let stopped = densities.iter().map(|density| -libm::expm1(-density * edge));
+    let stopped: Vec<f64> = stopped.collect();
+    let all: f64 = stopped.iter().sum();
+    let shown = stopped.into_iter().enumerate().filter(|(_, share)| *share > FAINT * all);
+    let shown: Vec<_> = shown.collect();
+    let sum: f64 = shown.iter().map(|(_, share)| share).sum();
+    match sum > 0.0 {
+        true if shown.len() > MOST_COLORS => chosen(&shown, sum),
+        true => shown.into_iter().map(|(point, share)| (point, share / sum)).collect(),
+        // Nothing is there, but the colour counts between this node and the next one.
+        false => vec![(0, 1.0)],
     }
 }
 
 /// A few of many points, that stand for equal parts of the light in the order of the points.
-fn chosen(shown: &[([f64; 3], f64)], sum: f64) -> Vec<([f64; 3], f64)> {
+fn chosen(shown: &[(usize, f64)], sum: f64) -> Vec<(usize, f64)> {
     let each = sum / MOST_COLORS as f64;
     let (mut passed, mut next) = (0.0, 0.5 * each);
     let mut found = Vec::with_capacity(MOST_COLORS);
@@ -107,16 +95,22 @@ impl<W: ColoredWorld> NodeColors for SampledColors<W> {
         region: &[u64],
         on_node: OnNode<'_, W::Along>,
     ) -> Result<()> {
+        let spacing = self.lattice.nodes.spacing(&self.lattice.bounds);
+        let spacing = spacing.into_iter().fold(0.0, f64::max);
         let mut of_point: Colors = Colors::default();
-        let mut found = W::Places::default();
+        let (mut found, mut densities) = (W::Places::default(), Vec::new());
         let mut next = Group::default();
         let mut show = |group: &mut Group| {
-            self.world.places(loaded, &group.points, &mut found);
+            densities.clear();
+            self.world.places(loaded, &group.points, &mut found, &mut densities);
             let mut first = 0;
-            for (node, shares) in group.nodes.drain(..) {
+            for (node, count) in group.nodes.drain(..) {
+                let own = densities.get(first..first + count).unwrap_or_default();
+                let shares = shares(own, spacing);
                 on_node(node, &mut |along, colors| {
                     colors.iter_mut().for_each(Vec::clear);
-                    for (number, share) in (first..).zip(&shares) {
+                    for (point, share) in &shares {
+                        let number = first + point;
                         self.world.colors(loaded, along, &mut found, number, &mut of_point);
                         for (sums, found) in colors.iter_mut().zip(&of_point) {
                             sums.resize(found.len(), 0.0);
@@ -125,15 +119,14 @@ impl<W: ColoredWorld> NodeColors for SampledColors<W> {
                         }
                     }
                 });
-                first += shares.len();
+                first += count;
             }
             group.points.clear();
         };
-        let mut densities = Vec::new();
         visit(self.lattice.nodes, region, |[y, z]| {
-            let shares = self.shares(loaded, [x, y, z], &mut densities);
-            next.points.extend(shares.iter().map(|(point, _)| *point));
-            next.nodes.push(([y, z], shares.into_iter().map(|(_, share)| share).collect()));
+            let points = points(&*self.world, &self.lattice, [x, y, z], true);
+            next.nodes.push(([y, z], points.len()));
+            next.points.extend(points);
             if next.nodes.len() == AT_ONCE {
                 show(&mut next);
             }
@@ -146,7 +139,7 @@ impl<W: ColoredWorld> NodeColors for SampledColors<W> {
 /// Nodes whose points are prepared together.
 #[derive(Debug, Default)]
 struct Group {
-    /// Each with the shares of its points.
-    nodes: Vec<([usize; 2], Vec<f64>)>,
+    /// Each with the number of its points.
+    nodes: Vec<([usize; 2], usize)>,
     points: Vec<[f64; 3]>,
 }

@@ -56,8 +56,15 @@ pub trait ColoredWorld: World {
     /// Prepares unit directions into the scene.
     fn along(&self, loaded: &Self::Loaded, directions: &[[f64; 3]]) -> Self::Along;
 
-    /// Prepares positions.
-    fn places(&self, loaded: &Self::Loaded, positions: &[[f64; 3]], places: &mut Self::Places);
+    /// Prepares positions, and adds the optical depth per world unit at each; 0 where the model takes
+    /// no samples.
+    fn places(
+        &self,
+        loaded: &Self::Loaded,
+        positions: &[[f64; 3]],
+        places: &mut Self::Places,
+        densities: &mut Vec<f64>,
+    );
 
     /// The colours at one of the positions, by its number, along directions.
     fn colors(

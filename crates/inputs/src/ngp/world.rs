@@ -72,10 +72,21 @@ impl ColoredWorld for NgpWorld {
         model.along(directions)
     }
 
-    fn places(&self, model: &Ngp, positions: &[[f64; 3]], found: &mut Found) {
+    fn places(
+        &self,
+        model: &Ngp,
+        positions: &[[f64; 3]],
+        found: &mut Found,
+        densities: &mut Vec<f64>,
+    ) {
+        let NgpFile { frame, occupancy, .. } = &*self.0;
         found.fill(positions, |positions, scratch, places| {
-            let in_cube = positions.iter().map(|position| self.0.frame.to_cube(*position));
-            model.places(&in_cube.collect::<Vec<_>>(), scratch, places);
+            let in_cube = positions.iter().map(|position| frame.to_cube(*position));
+            let in_cube: Vec<[f64; 3]> = in_cube.collect();
+            let packet = model.places(&in_cube, scratch, places);
+            densities.extend(in_cube.iter().zip(packet).map(|(at, density)| {
+                if occupancy.contains(*at) { density * frame.scale } else { 0.0 }
+            }));
         });
     }
 

@@ -94,12 +94,19 @@ fn one<T: Real, const F: usize>(
                 {
                     *weight = *x * *y * *z;
                 }
-                for (lane, (entry, weight)) in found.into_iter().zip(weights).enumerate() {
+                // Read one by one, and added as vectors.
+                let mut values = [[0.0f32; LANES]; F];
+                for (lane, entry) in found.into_iter().enumerate() {
                     let row = rows.get(entry as usize).copied().unwrap_or([0.0; F]);
-                    for (out, value) in out.iter_mut().zip(row) {
-                        if let Some(sum) = out.get_mut(lane) {
-                            *sum += weight * T::of_stored(value);
+                    for (values, value) in values.iter_mut().zip(row) {
+                        if let Some(out) = values.get_mut(lane) {
+                            *out = value;
                         }
+                    }
+                }
+                for (out, values) in out.iter_mut().zip(&values) {
+                    for ((sum, weight), value) in out.iter_mut().zip(&weights).zip(values) {
+                        *sum += *weight * T::of_stored(*value);
                     }
                 }
             }

@@ -43,7 +43,7 @@ impl Found {
     pub fn fill(
         &mut self,
         positions: &[[f64; 3]],
-        find: impl Fn(&[[f64; 3]], &mut FieldScratch<f32>, &mut Places<f32>),
+        mut find: impl FnMut(&[[f64; 3]], &mut FieldScratch<f32>, &mut Places<f32>),
     ) {
         self.packets.resize_with(positions.len().div_ceil(LANES), Places::default);
         for (packet, positions) in self.packets.iter_mut().zip(positions.chunks(LANES)) {

@@ -12,13 +12,16 @@ pub trait Kernels: Real {
     /// Adds products of weights and inputs to sums; see `multiply`.
     fn multiply(weights: &[Self], rows: usize, inputs: &[Lanes<Self>], sums: &mut [Lanes<Self>]);
 
+    /// Turns negative numbers, and those that are none, into 0.
+    fn relu(values: &mut [Lanes<Self>]);
+
     /// The features of positions, level by level.
     fn encode(levels: &Levels, table: &[f32], at: &Coordinates, out: &mut [Lanes<Self>]);
 }
 
 /// Implements [`Kernels`].
 macro_rules! kernels {
-    ($real:ty, $multiply:ident, $encode:ident) => {
+    ($real:ty, $multiply:ident, $relu:ident, $encode:ident) => {
         #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
         fn $multiply(
             weights: &[$real],
@@ -27,6 +30,11 @@ macro_rules! kernels {
             sums: &mut [Lanes<$real>],
         ) {
             multiply::multiply(weights, rows, inputs, sums);
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+        fn $relu(values: &mut [Lanes<$real>]) {
+            multiply::relu(values);
         }
 
         #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
@@ -44,6 +52,10 @@ macro_rules! kernels {
                 $multiply(weights, rows, inputs, sums);
             }
 
+            fn relu(values: &mut [Lanes<Self>]) {
+                $relu(values);
+            }
+
             fn encode(levels: &Levels, table: &[f32], at: &Coordinates, out: &mut [Lanes<Self>]) {
                 $encode(levels, table, at, out);
             }
@@ -51,5 +63,5 @@ macro_rules! kernels {
     };
 }
 
-kernels!(f32, multiply_f32, encode_f32);
-kernels!(f64, multiply_f64, encode_f64);
+kernels!(f32, multiply_f32, relu_f32, encode_f32);
+kernels!(f64, multiply_f64, relu_f64, encode_f64);

@@ -31,6 +31,14 @@ pub(super) fn multiply<T: Real>(
     }
 }
 
+/// Turns negative numbers, and those that are none, into 0.
+#[inline(always)]
+pub(super) fn relu<T: Real>(values: &mut [Lanes<T>]) {
+    for value in values.as_flattened_mut() {
+        *value = if *value > T::default() { *value } else { T::default() };
+    }
+}
+
 /// Adds [`TILE`] inputs, each with its column of weights.
 #[inline(always)]
 fn add_tile<T: Real>(

@@ -144,9 +144,7 @@ impl<T: Kernels> Perceptron<T> {
     /// Turns the first layer's sums into the network's outputs. `scratch` may hold anything.
     pub fn finish(&self, sums: &mut Vec<Lanes<T>>, scratch: &mut Vec<Lanes<T>>) {
         for layer in self.layers.iter().skip(1) {
-            for value in sums.iter_mut().flatten() {
-                *value = if *value > T::default() { *value } else { T::default() };
-            }
+            T::relu(sums);
             layer.begin(scratch);
             layer.add(0, sums.get(..layer.inputs).unwrap_or_default(), scratch);
             std::mem::swap(sums, scratch);

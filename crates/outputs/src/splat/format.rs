@@ -71,9 +71,10 @@ impl ExportFormat for Splat {
         let cell = lattice.spacing.map(|edge| edge as f32);
         let background = source.field.view().background;
         let mut fit = Fit::new(placed, cell, background);
+        let small: Vec<Target> = targets.iter().map(Target::small).collect();
         fit.prune(&targets, options.splats.unwrap_or(SPLATS), UNSEEN)?;
         progress.begin(Step::Fit, STEPS as u64);
-        fit.run(&targets, STEPS, progress)?;
+        fit.run([&small, &targets], progress)?;
         // Those that the fit has made useless.
         fit.prune(&targets, usize::MAX, 1.0 / 255.0)?;
         let comment = format!(

@@ -7,8 +7,12 @@ use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 
-/// Steps, a picture each.
-pub(super) const STEPS: usize = 600;
+/// Steps, a picture each: first with pictures of half the size, which cost a third and move splats
+/// as well, then with the whole pictures.
+const SMALL_STEPS: usize = 150;
+const WHOLE_STEPS: usize = 350;
+/// All of them.
+pub(super) const STEPS: usize = SMALL_STEPS + WHOLE_STEPS;
 /// Lengths of the first steps: positions in shares of a cell, logarithms, logits, coefficients of
 /// band 0 and of the others. The last steps are a tenth as long.
 const POSITION: f32 = 0.04;
@@ -27,6 +31,24 @@ pub(super) struct Target {
     pub(super) camera: Camera,
     /// Colours over the background.
     pub(super) color: Vec<[f32; 3]>,
+}
+
+impl Target {
+    /// The picture at half the size.
+    pub(super) fn small(&self) -> Self {
+        let lens = &self.camera.lens;
+        let [width, height] = [lens.width, lens.height].map(|side| (side / 2).max(1));
+        let mean = |pixel: usize| {
+            let (x, y) = (pixel % width * 2, pixel / width * 2);
+            let pixels = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
+                let (x, y) = ((x + right).min(lens.width - 1), (y + down).min(lens.height - 1));
+                self.color[y * lens.width + x]
+            });
+            [0, 1, 2].map(|channel| 0.25 * pixels.iter().map(|pixel| pixel[channel]).sum::<f32>())
+        };
+        let color = (0..width * height).map(mean).collect();
+        Self { camera: Camera { lens: lens.resized(width, height), ..self.camera.clone() }, color }
+    }
 }
 
 /// Splats on the way, with what Adam remembers.
@@ -88,7 +110,7 @@ impl Fit {
     pub(super) fn prune(&mut self, targets: &[Target], most: usize, least: f32) -> Result<()> {
         let mut weights = vec![0.0f32; self.splats.len()];
         for target in targets {
-            draw(&self.splats, &target.camera, self.background)?.weights(&mut weights);
+            draw(&self.splats, &target.camera, self.background)?.weights(&mut weights)?;
         }
         let mut order: Vec<usize> =
             (0..weights.len()).filter(|&number| weights[number] > least).collect();
@@ -100,26 +122,27 @@ impl Fit {
         Ok(())
     }
 
-    /// Takes `steps` steps, a picture each. [`Step::Fit`] advances by one each.
+    /// Takes all steps, with the pictures of half the size and the whole ones. [`Step::Fit`] advances
+    /// by one each.
     pub(super) fn run(
         &mut self,
-        targets: &[Target],
-        steps: usize,
+        [small, whole]: [&[Target]; 2],
         progress: &dyn Progress,
     ) -> Result<()> {
         // Neighbours of a circle come far apart.
-        let stride = (2..targets.len()).rev().find(|&by| coprime(by, targets.len())).unwrap_or(1);
-        for step in 0..steps {
+        let stride = (2..whole.len()).rev().find(|&by| coprime(by, whole.len())).unwrap_or(1);
+        for step in 0..STEPS {
             if progress.cancelled() {
                 return Err(Error::cancelled());
             }
             if progress.enough() {
                 break;
             }
+            let targets = if step < SMALL_STEPS { small } else { whole };
             let target = &targets[(step * stride.max(1)) % targets.len()];
             let (_, by) =
                 differentiate(&self.splats, &target.camera, &target.color, self.background)?;
-            let share = step as f32 / steps as f32;
+            let share = step as f32 / STEPS as f32;
             self.step(&by, step + 1, 1.0 - 0.9 * share)?;
             progress.advance(Step::Fit, 1);
         }

@@ -126,8 +126,8 @@ struct Geometry {
 }
 
 fn geometry(splat: &GaussianSplat, eye: &Eye) -> Option<Geometry> {
-    let [x, y, z, ..] = splat.map(f64::from);
-    let towards = DVec3::new(x, y, z) - eye.position;
+    let &[x, y, z, ..] = splat;
+    let towards = DVec3::from([x, y, z].map(f64::from)) - eye.position;
     let at = eye.turn * towards;
     if at.z < NEAREST {
         return None;
@@ -205,9 +205,11 @@ pub(super) fn by_parameters(splat: &GaussianSplat, eye: &Eye, by: &ByProjected) 
     out[OPACITY] = by.opacity * opacity * (1.0 - opacity);
     let values = basis(direction);
     let coefficients = splat[COLOR..].as_chunks::<3>().0;
-    for channel in 0..3 {
-        let terms = values.iter().zip(coefficients);
-        let sum = terms.map(|(value, own)| value * own[channel]).sum::<f32>();
+    let mut sums = [0.0f32; 3];
+    for (value, own) in values.iter().zip(coefficients) {
+        sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += value * own);
+    }
+    for (channel, sum) in sums.into_iter().enumerate() {
         // A colour below 0 is 0, whatever its coefficients.
         if 0.5 + sum > 0.0 {
             for (function, value) in values.iter().enumerate() {

@@ -5,6 +5,8 @@
 //! drawn, and a ray ends where less than 1/10000 would pass. Splats are sorted by the depth of their
 //! centres, for the whole picture.
 
+use multiversion::multiversion;
+
 use super::project::{ByProjected, Eye, FAINT, GaussianSplat, Projected, by_parameters, project};
 use crate::base::error::Result;
 use crate::base::parallel;
@@ -55,6 +57,7 @@ pub fn rasterize(
 }
 
 /// The box of a tile's pixels that a splat reaches.
+#[inline(always)]
 fn reached(splat: &Projected, first: [usize; 2], size: [usize; 2]) -> [[usize; 2]; 2] {
     let mut ranges = [[0; 2]; 2];
     for axis in 0..2 {
@@ -95,7 +98,8 @@ impl Row {
         let to = ((middle + reach + 1.0).floor().max(0.0) as usize).clamp(from, x1);
         let offset = [from as f32 + 0.5 - splat.middle[0], dy];
         let mut gaussians = [0.0; TILE];
-        for (number, gaussian) in gaussians.iter_mut().take(to - from).enumerate() {
+        // Of a whole tile's width: a fixed count becomes vectors.
+        for (number, gaussian) in gaussians.iter_mut().enumerate() {
             let dx = offset[0] + number as f32;
             *gaussian = lanes::exp(-0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy));
         }
@@ -162,6 +166,7 @@ pub(super) fn draw(
 
 type Tile = (Vec<[f32; 3]>, Vec<f32>, Vec<u32>);
 
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn draw_tile(
     projected: &[Option<Projected>],
     list: &[u32],
@@ -217,8 +222,9 @@ impl Drawn {
         by_picture: &[[f32; 3]],
         background: [f32; 3],
     ) -> Result<Vec<Option<GaussianSplat>>> {
-        let of_tiles =
-            parallel::map(self.tiles.len(), |tile| Ok(self.by_tile(tile, by_picture, background)))?;
+        let of_tiles = parallel::map(self.tiles.len(), |tile| {
+            Ok(by_tile(self, tile, by_picture, background))
+        })?;
         // In the order of tiles, whatever thread was first.
         let mut sums: Vec<Option<ByProjected>> = vec![None; splats.len()];
         for (list, of_tile) in self.tiles.iter().zip(of_tiles) {
@@ -241,29 +247,41 @@ impl Drawn {
         Ok(out.concat())
     }
 
-    /// The largest share of a pixel's light that each splat has.
-    pub(super) fn weights(&self, weights: &mut [f32]) {
-        for (tile, list) in self.tiles.iter().enumerate() {
-            let (first, sides) = self.sides(tile);
-            let (mut passes, ends) = ([1.0f32; PIXELS], &self.ends[tile]);
-            for (number, splat) in list.iter().enumerate() {
-                let Some(own) = &self.projected[*splat as usize] else { continue };
-                let [columns, [y0, y1]] = reached(own, first, sides);
-                for y in y0..y1 {
-                    let row = Row::of(own, y, columns);
-                    for (x, gaussian) in (row.from..row.to).zip(row.gaussians) {
-                        let pixel = (y - first[1]) * TILE + x - first[0];
-                        if number as u32 >= ends[pixel] {
-                            continue;
-                        }
-                        let Some(alpha) = opacity_of(own, gaussian) else { continue };
-                        let weight = &mut weights[*splat as usize];
-                        *weight = weight.max(alpha * passes[pixel]);
-                        passes[pixel] *= 1.0 - alpha;
-                    }
-                }
+    /// Raises weights to the largest share of a pixel's light that each splat has.
+    pub(super) fn weights(&self, weights: &mut [f32]) -> Result<()> {
+        let of_tiles = parallel::map(self.tiles.len(), |tile| Ok(self.weights_of(tile)))?;
+        for (list, own) in self.tiles.iter().zip(of_tiles) {
+            for (splat, own) in list.iter().zip(own) {
+                let weight = &mut weights[*splat as usize];
+                *weight = weight.max(own);
             }
         }
+        Ok(())
+    }
+
+    /// Those of a tile's splats.
+    fn weights_of(&self, tile: usize) -> Vec<f32> {
+        let (first, sides) = self.sides(tile);
+        let (mut passes, ends) = ([1.0f32; PIXELS], &self.ends[tile]);
+        let weight = |(number, splat): (usize, &u32)| {
+            let mut most = 0.0f32;
+            let Some(own) = &self.projected[*splat as usize] else { return most };
+            let [columns, [y0, y1]] = reached(own, first, sides);
+            for y in y0..y1 {
+                let row = Row::of(own, y, columns);
+                for (x, gaussian) in (row.from..row.to).zip(row.gaussians) {
+                    let pixel = (y - first[1]) * TILE + x - first[0];
+                    if number as u32 >= ends[pixel] {
+                        continue;
+                    }
+                    let Some(alpha) = opacity_of(own, gaussian) else { continue };
+                    most = most.max(alpha * passes[pixel]);
+                    passes[pixel] *= 1.0 - alpha;
+                }
+            }
+            most
+        };
+        self.tiles[tile].iter().enumerate().map(weight).collect()
     }
 
     fn sides(&self, tile: usize) -> ([usize; 2], [usize; 2]) {
@@ -271,55 +289,55 @@ impl Drawn {
         let size = [self.eye.lens.width, self.eye.lens.height];
         (first, [0, 1].map(|axis| TILE.min(size[axis] - first[axis])))
     }
+}
 
-    /// Derivatives by the projections of a tile's splats, from back to front.
-    fn by_tile(
-        &self,
-        tile: usize,
-        by_picture: &[[f32; 3]],
-        background: [f32; 3],
-    ) -> Vec<Option<ByProjected>> {
-        let (first, sides) = self.sides(tile);
-        let (list, ends) = (&self.tiles[tile], &self.ends[tile]);
-        let width = self.eye.lens.width;
-        let mut passes = [1.0f32; PIXELS];
-        // What comes from behind the splat at hand.
-        let mut behind = [background; PIXELS];
-        for (pixel, passes) in passes.iter_mut().enumerate() {
-            let (x, y) = (pixel % TILE, pixel / TILE);
-            if x < sides[0] && y < sides[1] {
-                *passes = self.picture.transmittance[(first[1] + y) * width + first[0] + x];
-            }
+/// Derivatives by the projections of a tile's splats, from back to front.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn by_tile(
+    drawn: &Drawn,
+    tile: usize,
+    by_picture: &[[f32; 3]],
+    background: [f32; 3],
+) -> Vec<Option<ByProjected>> {
+    let (first, sides) = drawn.sides(tile);
+    let (list, ends) = (&drawn.tiles[tile], &drawn.ends[tile]);
+    let width = drawn.eye.lens.width;
+    let mut passes = [1.0f32; PIXELS];
+    // What comes from behind the splat at hand.
+    let mut behind = [background; PIXELS];
+    for (pixel, passes) in passes.iter_mut().enumerate() {
+        let (x, y) = (pixel % TILE, pixel / TILE);
+        if x < sides[0] && y < sides[1] {
+            *passes = drawn.picture.transmittance[(first[1] + y) * width + first[0] + x];
         }
-        let mut out = vec![None; list.len()];
-        for (number, splat) in list.iter().enumerate().rev() {
-            let Some(splat) = &self.projected[*splat as usize] else { continue };
-            let ([columns, [y0, y1]], mut shows) = (reached(splat, first, sides), false);
-            let mut sum = ByProjected::default();
-            for y in y0..y1 {
-                let row = Row::of(splat, y, columns);
-                for (x, gaussian) in (row.from..row.to).zip(row.gaussians) {
-                    let pixel = (y - first[1]) * TILE + x - first[0];
-                    if number as u32 >= ends[pixel] {
-                        continue;
-                    }
-                    let Some(alpha) = opacity_of(splat, gaussian) else { continue };
-                    shows = true;
-                    let before = passes[pixel] / (1.0 - alpha);
-                    let wanted = by_picture[y * width + x];
-                    let by_alpha =
-                        sum.add_color(splat, [alpha, before], wanted, &mut behind[pixel]);
-                    passes[pixel] = before;
-                    // At the limit of opacity nothing changes it.
-                    if splat.opacity * gaussian < LARGEST {
-                        let dx = row.offset[0] + (x - row.from) as f32;
-                        let offset = [dx, row.offset[1]];
-                        sum.add_opacity(splat, offset, by_alpha * gaussian, by_alpha * alpha);
-                    }
+    }
+    let mut out = vec![None; list.len()];
+    for (number, splat) in list.iter().enumerate().rev() {
+        let Some(splat) = &drawn.projected[*splat as usize] else { continue };
+        let ([columns, [y0, y1]], mut shows) = (reached(splat, first, sides), false);
+        let mut sum = ByProjected::default();
+        for y in y0..y1 {
+            let row = Row::of(splat, y, columns);
+            for (x, gaussian) in (row.from..row.to).zip(row.gaussians) {
+                let pixel = (y - first[1]) * TILE + x - first[0];
+                if number as u32 >= ends[pixel] {
+                    continue;
+                }
+                let Some(alpha) = opacity_of(splat, gaussian) else { continue };
+                shows = true;
+                let before = passes[pixel] / (1.0 - alpha);
+                let wanted = by_picture[y * width + x];
+                let by_alpha = sum.add_color(splat, [alpha, before], wanted, &mut behind[pixel]);
+                passes[pixel] = before;
+                // At the limit of opacity nothing changes it.
+                if splat.opacity * gaussian < LARGEST {
+                    let dx = row.offset[0] + (x - row.from) as f32;
+                    let offset = [dx, row.offset[1]];
+                    sum.add_opacity(splat, offset, by_alpha * gaussian, by_alpha * alpha);
                 }
             }
-            out[number] = shows.then_some(sum);
         }
-        out
+        out[number] = shows.then_some(sum);
     }
+    out
 }

@@ -9,13 +9,10 @@ use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::Progress;
 use crate::model::grid::Nodes;
-use crate::view::render::{Directions, Renderer};
+use crate::view::render::{BEFORE, Directions, Renderer};
 
 /// Nodes along the edge of a block of colours.
 const EDGE: usize = 8;
-/// Nodes of a smaller density have no colour that could be seen.
-const LEAST_DENSITY: f32 = 1e-3;
-
 /// Colours of the nodes of a block, with 1 behind them, or 0 for a node that was not asked.
 type Block = Vec<[f32; 4]>;
 
@@ -27,7 +24,8 @@ pub struct MeanColors {
 }
 
 impl MeanColors {
-    /// Asks for the colours of a level's nodes.
+    /// Asks for the colours of a level's nodes. Those whose density and whose neighbours' densities
+    /// are below `least`, in optical depth per world unit, have none.
     ///
     /// # Errors
     ///
@@ -36,9 +34,11 @@ impl MeanColors {
         field: &Renderer,
         level: usize,
         nodes: Nodes,
+        least: f32,
         directions: &Directions,
         progress: &dyn Progress,
     ) -> Result<Self> {
+        let reach = Nearby::reach(field, nodes);
         let counts = nodes.0.map(|size| size.div_ceil(EDGE));
         let share = |at: [usize; 3]| -> [f64; 3] {
             std::array::from_fn(|axis| at[axis] as f64 / (nodes.0[axis] - 1) as f64)
@@ -57,29 +57,14 @@ impl MeanColors {
             if field.is_empty([share(around), share(end.map(|end| end - 1))], level) {
                 return Ok(None);
             }
+            let near = Nearby::new(field, level, nodes, first, reach);
             let mut block = vec![[0.0; 4]; EDGE.pow(3)];
-            let sides: [usize; 3] = std::array::from_fn(|axis| end[axis] - around[axis]);
-            let mut occupied = vec![false; sides.iter().product()];
-            for (i, occupied) in occupied.iter_mut().enumerate() {
-                let inside = [i / sides[2] / sides[1], i / sides[2] % sides[1], i % sides[2]];
-                let node = std::array::from_fn(|axis| around[axis] + inside[axis]);
-                *occupied = field.density_at(share(node), level) > LEAST_DENSITY;
-            }
-            let is_near = |node: [usize; 3]| {
-                (0..27usize).any(|step| {
-                    let steps = [step / 9, step / 3 % 3, step % 3];
-                    let at: [usize; 3] = std::array::from_fn(|axis| node[axis] + steps[axis]);
-                    (0..3).all(|axis| at[axis] > around[axis] && at[axis] <= end[axis]) && {
-                        let [x, y, z] = std::array::from_fn(|axis| at[axis] - 1 - around[axis]);
-                        occupied[(x * sides[1] + y) * sides[2] + z]
-                    }
-                })
-            };
             for (i, color) in block.iter_mut().enumerate() {
                 let inside = [i / EDGE / EDGE, i / EDGE % EDGE, i % EDGE];
                 let node: [usize; 3] = std::array::from_fn(|axis| first[axis] + inside[axis]);
-                if (0..3).all(|axis| node[axis] < nodes.0[axis]) && is_near(node) {
-                    let [red, green, blue] = field.mean_color(share(node), level, directions);
+                if (0..3).all(|axis| node[axis] < nodes.0[axis]) && near.any_around(node, least) {
+                    let [red, green, blue] =
+                        field.mean_color_behind(share(node), level, directions, |at| near.at(at));
                     *color = [red, green, blue, 1.0];
                 }
             }
@@ -112,5 +97,75 @@ impl MeanColors {
         }
         let [red, green, blue, weight] = sum;
         [red, green, blue].map(|sum| if weight > 0.0 { sum / weight } else { 0.0 })
+    }
+}
+
+/// The densities of a block's nodes and of those around it: a node's colour asks for a hundred.
+struct Nearby {
+    nodes: Nodes,
+    first: [usize; 3],
+    sides: [usize; 3],
+    /// Optical depth per world unit.
+    densities: Vec<f32>,
+}
+
+impl Nearby {
+    /// Nodes to each side of a block that its colours ask for.
+    fn reach(field: &Renderer, Nodes(sizes): Nodes) -> [usize; 3] {
+        let view = field.view();
+        let (back, extent) =
+            (f64::from(BEFORE) * f64::from(view.march.voxel_size), view.bounds.extent());
+        std::array::from_fn(|axis| {
+            let nodes = back / extent[axis] * (sizes[axis] - 1) as f64;
+            (nodes.ceil() as usize + 1).min(sizes[axis])
+        })
+    }
+
+    fn new(
+        field: &Renderer,
+        level: usize,
+        nodes: Nodes,
+        block: [usize; 3],
+        reach: [usize; 3],
+    ) -> Self {
+        let first: [usize; 3] = std::array::from_fn(|axis| block[axis].saturating_sub(reach[axis]));
+        let sides: [usize; 3] = std::array::from_fn(|axis| {
+            (block[axis] + EDGE + reach[axis]).min(nodes.0[axis]) - first[axis]
+        });
+        let density = |i: usize| {
+            let inside = [i / sides[2] / sides[1], i / sides[2] % sides[1], i % sides[2]];
+            let share = std::array::from_fn(|axis| {
+                (first[axis] + inside[axis]) as f64 / (nodes.0[axis] - 1) as f64
+            });
+            field.density_at(share, level)
+        };
+        let densities = (0..sides.iter().product()).map(density).collect();
+        Self { nodes, first, sides, densities }
+    }
+
+    /// The density of a node; 0 of one that is not here.
+    fn node(&self, node: [i64; 3]) -> f32 {
+        let mut place = 0;
+        for ((at, first), side) in node.into_iter().zip(self.first).zip(self.sides) {
+            let inside = usize::try_from(at - first as i64).ok().filter(|at| *at < side);
+            let Some(inside) = inside else { return 0.0 };
+            place = place * side + inside;
+        }
+        self.densities[place]
+    }
+
+    /// True if a node or a neighbour of it is at least so dense.
+    fn any_around(&self, node: [usize; 3], least: f32) -> bool {
+        (0..27).any(|step| {
+            let steps = [step / 9, step / 3 % 3, step % 3];
+            self.node(std::array::from_fn(|axis| node[axis] as i64 + steps[axis] - 1)) >= least
+        })
+    }
+
+    /// The density at the node that is nearest to a place in shares of the box.
+    fn at(&self, share: [f64; 3]) -> f32 {
+        self.node(std::array::from_fn(|axis| {
+            libm::rint(share[axis] * (self.nodes.0[axis] - 1) as f64) as i64
+        }))
     }
 }

@@ -24,11 +24,11 @@ use crate::view::render::{Directions, Renderer};
 /// a ray through 30 such points loses a hundredth.
 const LEAST_OPACITY: f64 = 3e-4;
 /// Directions that a colour is averaged over.
-const DIRECTIONS: usize = 32;
+const DIRECTIONS: usize = 16;
 
 /// Steps of a mean colour from 0 to 1, display-referred. They are finer than those of the pictures
 /// that fields are trained on, and equal neighbours compress.
-const MEAN_STEPS: f64 = 511.0;
+const MEAN_STEPS: u16 = 511;
 
 /// The rank of a neighbour among [`neighbours`], nearest first, and its colour.
 type Neighbour = (u8, [f32; 3]);
@@ -120,9 +120,15 @@ impl SparseVolume {
         let dense = lattice.counts().iter().zip(nodes.0).all(|(&count, nodes)| count > nodes);
         // A network a point would take minutes: it is asked at nodes.
         let means = match field.has_network() && dense {
-            true => Some(MeanColors::new(field, level, nodes, &directions, progress)?),
+            true => {
+                let least = least_density(lattice);
+                Some(MeanColors::new(field, level, nodes, least, &directions, progress)?)
+            }
             false => None,
         };
+        let steps: Vec<f32> = (0..=MEAN_STEPS)
+            .map(|step| linear(f64::from(step) / f64::from(MEAN_STEPS)) as f32)
+            .collect();
         parallel::map_mut(&mut self.leaves, |_, leaf| {
             if progress.cancelled() {
                 return Err(Error::cancelled());
@@ -137,9 +143,11 @@ impl SparseVolume {
                     None => field.mean_color(share, level, &directions),
                 };
                 leaf.color[point] = color.map(|value| {
-                    let value = f64::from(value);
-                    let rounded = (value * MEAN_STEPS).round() / MEAN_STEPS;
-                    linear(if is_mean { rounded } else { value }) as f32
+                    let step = (f64::from(value) * f64::from(MEAN_STEPS)).round();
+                    match steps.get(step as usize).filter(|_| is_mean) {
+                        Some(linear) => *linear,
+                        None => linear(f64::from(value)) as f32,
+                    }
                 });
                 if features > 0 {
                     let sample = field.sample_at(share, level);
@@ -172,7 +180,10 @@ impl SparseVolume {
                         continue;
                     }
                     let (home, inside) = home(at);
-                    let there = by_place.get(&home).map(|&number| &self.leaves[number]);
+                    let there = match home == leaf.at {
+                        true => Some(leaf),
+                        false => by_place.get(&home).map(|&number| &self.leaves[number]),
+                    };
                     if there.is_some_and(|leaf| contains(&leaf.occupied, inside)) {
                         continue;
                     }
@@ -245,6 +256,12 @@ fn home(at: [i32; 3]) -> ([i32; 3], usize) {
     (at.map(|at| at.div_euclid(SIDE as i32)), (x * SIDE + y) * SIDE + z)
 }
 
+/// Points of a smaller density are empty, in optical depth per world unit.
+fn least_density(lattice: &Lattice) -> f32 {
+    let spacing = lattice.spacing.into_iter().fold(f64::INFINITY, f64::min);
+    (-libm::log1p(-LEAST_OPACITY) / spacing) as f32
+}
+
 /// The densities of a leaf; none if it is empty.
 fn leaf_of(field: &Renderer, lattice: &Lattice, level: usize, at: [usize; 3]) -> Option<Leaf> {
     let counts = lattice.counts();
@@ -253,8 +270,7 @@ fn leaf_of(field: &Renderer, lattice: &Lattice, level: usize, at: [usize; 3]) ->
     if field.is_empty([lattice.share(first), lattice.share(last)], level) {
         return None;
     }
-    let spacing = lattice.spacing.into_iter().fold(f64::INFINITY, f64::min);
-    let least = (-libm::log1p(-LEAST_OPACITY) / spacing) as f32;
+    let least = least_density(lattice);
     let mut leaf = Leaf::empty(at.map(|at| at as i32));
     let mut any = false;
     for point in 0..POINTS {

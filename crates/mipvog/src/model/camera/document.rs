@@ -65,6 +65,11 @@ const NAMES: [&str; 47] = [
 pub(super) struct Fields(BTreeMap<&'static str, Value>);
 
 impl Fields {
+    /// Of values by their names, of which the last ones count.
+    pub(super) fn of(values: impl IntoIterator<Item = (&'static str, Value)>) -> Self {
+        Self(values.into_iter().collect())
+    }
+
     /// A value that is stated, and not as null.
     pub(super) fn get(&self, name: &str) -> Option<&Value> {
         self.0.get(name).filter(|value| !value.is_null())
@@ -206,6 +211,14 @@ impl<'de> Deserialize<'de> for Document {
 }
 
 impl Document {
+    /// Of frames that state all of their values.
+    ///
+    /// # Errors
+    /// `Malformed` for no frames.
+    pub(super) fn of(frames: Vec<Fields>) -> Result<Self> {
+        Self { frames: Some(frames), ..Self::default() }.checked()
+    }
+
     /// Reads a file's text.
     ///
     /// # Errors
@@ -222,6 +235,11 @@ impl Document {
             let expected = "frames with transform_matrix, and camera_angle_x or fl_x, in JSON";
             Error::malformed(place, error.to_string(), expected)
         })?;
+        document.checked()
+    }
+
+    fn checked(self) -> Result<Self> {
+        let document = self;
         let is_path = document.all.get("camera_path").is_some();
         match &document.frames {
             None if is_path => Err(other_kind("a camera path of nerfstudio's viewer").advise(

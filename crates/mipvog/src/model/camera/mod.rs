@@ -4,6 +4,7 @@
 //! `((i + 0.5 - cx) / fx, -(j + 0.5 - cy) / fy, -1)` in the camera's axes (x right, y up, looking
 //! along -z), rotated by the camera's matrix and not normalised.
 
+mod colmap;
 mod document;
 mod frame_lens;
 mod frame_names;

@@ -1,6 +1,8 @@
 //! Camera files: NeRF-synthetic's `transforms*.json` (one `camera_angle_x`) and nerfstudio's
 //! (`fl_x`, `fl_y`, `cx`, `cy`, `w`, `h`, for all frames or for each).
 //!
+//! Cameras of COLMAP's sparse models are read as such a file, too ([`colmap`]).
+//!
 //! A frame that cannot be read is no fault of the others: it is refused when it is picked.
 
 use std::cell::OnceCell;
@@ -9,6 +11,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DVec4};
 use serde_json::Value;
 
+use super::colmap;
 use super::document::{Document, Fields, kind, number};
 use super::frame_lens::FrameLens;
 use super::frame_names::{names, picture_path};
@@ -29,9 +32,15 @@ const LAST_ROW_ERROR: f64 = 1e-4;
 /// # Errors
 /// A file that cannot be read or is none of cameras.
 pub fn read(path: &Path, size: Option<[usize; 2]>, limits: &Limits) -> Result<CameraFile> {
-    let text = read_text(path, limits)?;
-    let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-    let mut read = parse(&text, folder, size).map_err(|error| error.in_file(path))?;
+    let (document, folder) = match colmap::is_model(path) {
+        true => colmap::read(path, limits)?,
+        false => {
+            let text = read_text(path, limits)?;
+            let document = Document::read(&text).map_err(|error| error.in_file(path))?;
+            (document, path.parent().map(Path::to_owned).unwrap_or_default())
+        }
+    };
+    let mut read = frames(document, folder, size).map_err(|error| error.in_file(path))?;
     for frame in &mut read.frames {
         let camera = std::mem::replace(&mut frame.camera, Err(Error::cancelled()));
         frame.camera = camera.map_err(|error| error.in_file(path));
@@ -44,7 +53,10 @@ pub fn read(path: &Path, size: Option<[usize; 2]>, limits: &Limits) -> Result<Ca
 /// # Errors
 /// A text that is none of cameras.
 pub fn parse(text: &str, folder: PathBuf, size: Option<[usize; 2]>) -> Result<CameraFile> {
-    let document = Document::read(text)?;
+    frames(Document::read(text)?, folder, size)
+}
+
+fn frames(document: Document, folder: PathBuf, size: Option<[usize; 2]>) -> Result<CameraFile> {
     let fields = document.frames.unwrap_or_default();
     let paths: Vec<Option<&str>> =
         fields.iter().map(|frame| frame.get("file_path").and_then(Value::as_str)).collect();

@@ -13,7 +13,7 @@ use crate::view::sample::{
 };
 
 /// Voxels before a point that are searched for what hides it.
-const BEFORE: u32 = 4;
+pub const BEFORE: u32 = 4;
 /// A point that is seen less than this from everywhere lies inside a solid.
 const HIDDEN: f64 = 1e-3;
 /// Directions with less than this share of the freest one's light do not count.
@@ -111,13 +111,25 @@ impl Renderer {
     /// nearest density towards the eye: nobody has trained what walls look like from inside.
     /// `share` is a place in shares of the box.
     pub fn mean_color(&self, share: [f64; 3], level: usize, directions: &Directions) -> [f32; 3] {
+        self.mean_color_behind(share, level, directions, |at| self.density_at(at, level))
+    }
+
+    /// As [`Self::mean_color`], with densities at places in shares of the box that the caller knows
+    /// already: they are asked for four times a direction.
+    pub fn mean_color_behind(
+        &self,
+        share: [f64; 3],
+        level: usize,
+        directions: &Directions,
+        density_at: impl Fn([f64; 3]) -> f32,
+    ) -> [f32; 3] {
         let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
         let mut add = |weight: f64, color: [f32; 3]| {
             let shown = color.map(|channel| f64::from(channel.clamp(0.0, 1.0)));
             sum.iter_mut().zip(shown).for_each(|(sum, value)| *sum += weight * value);
             weights += weight;
         };
-        let seen = || directions.seen_from(self, share, level);
+        let seen = || directions.seen_from(self.view(), share, &density_at);
         let model = match self.content() {
             Content::Model(model) => Some(&**model),
             Content::Values(_) => None,
@@ -192,14 +204,19 @@ impl Directions {
 
     /// The directions along which a place is seen, by their numbers, and the share of light that
     /// passes what is before it. All of them count the same where none is free.
-    fn seen_from(&self, field: &Renderer, share: [f64; 3], level: usize) -> Vec<(usize, f64)> {
-        let extent = field.view().bounds.extent();
-        let step = f64::from(field.view().march.voxel_size);
+    fn seen_from(
+        &self,
+        view: &View,
+        share: [f64; 3],
+        density_at: impl Fn([f64; 3]) -> f32,
+    ) -> Vec<(usize, f64)> {
+        let extent = view.bounds.extent();
+        let step = f64::from(view.march.voxel_size);
         let seen = self.vectors.iter().enumerate().map(|(number, vector)| {
             let depth = (1..=BEFORE).map(|steps| {
                 let back = f64::from(steps) * step;
                 let at = [0, 1, 2].map(|axis| share[axis] - back * vector[axis] / extent[axis]);
-                f64::from(field.density_at(at, level)) * step
+                f64::from(density_at(at)) * step
             });
             (number, libm::exp(-depth.sum::<f64>()))
         });

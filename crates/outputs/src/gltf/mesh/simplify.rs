@@ -11,7 +11,7 @@
 //! Extents start at +0 and take a coordinate only if it is really beyond: `f64::min` and `f64::max`
 //! may return either zero of two, depending on the machine.
 
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::triangles::TriangleSoup;
@@ -88,29 +88,16 @@ impl Quadric {
     }
 }
 
-/// The collapse of an edge: the pair of its vertices, and the loss of merging them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The collapse of an edge, in the order in which collapses happen. The queue holds millions, so it
+/// is small: where the merged vertex lies is computed again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct EdgeCollapse {
-    loss: f64,
+    /// The bits of the loss of merging the two vertices: floats from 0 on have the order of theirs.
+    loss: u64,
+    /// The vertices, the lower number first.
     pair: [u32; 2],
-    /// Changes of both vertices when the loss was computed.
+    /// Changes of both when the loss was computed.
     changes: [u32; 2],
-    to: [f64; 3],
-}
-
-impl Eq for EdgeCollapse {}
-
-impl PartialOrd for EdgeCollapse {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for EdgeCollapse {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let order = self.loss.total_cmp(&other.loss).then(self.pair.cmp(&other.pair));
-        order.then(self.changes.cmp(&other.changes))
-    }
 }
 
 struct Surface {
@@ -190,11 +177,15 @@ impl Surface {
                 break;
             }
             let current = edge.pair.map(|vertex| self.changes[vertex as usize]);
-            if current != edge.changes || (careful && !self.is_harmless(&edge)) {
+            if current != edge.changes {
+                continue;
+            }
+            let to = self.merged(edge.pair);
+            if careful && !self.is_harmless(edge.pair, to) {
                 continue;
             }
             let [kept, _] = edge.pair;
-            self.merge(&edge);
+            self.merge(edge.pair, to);
             for other in self.neighbours(kept) {
                 heap.push(Reverse(self.edge_collapse(kept.min(other), kept.max(other))));
             }
@@ -211,27 +202,37 @@ impl Surface {
         others
     }
 
+    /// The sum of two vertices' quadrics.
+    fn quadric(&self, pair: [u32; 2]) -> Quadric {
+        let [a, b] = pair.map(|vertex| &self.quadrics[vertex as usize]);
+        a.plus(b)
+    }
+
+    /// Where two vertices merge.
+    fn merged(&self, pair: [u32; 2]) -> [f64; 3] {
+        let to = self.quadric(pair).least().unwrap_or_else(|| {
+            let [from, to] = pair.map(|vertex| self.soup.positions[vertex as usize]);
+            std::array::from_fn(|axis| 0.5 * (from[axis] + to[axis]))
+        });
+        let [lowest, highest] = self.extent;
+        std::array::from_fn(|axis| to[axis].clamp(lowest[axis], highest[axis]))
+    }
+
     fn edge_collapse(&self, low: u32, high: u32) -> EdgeCollapse {
         let [a, b] = [low as usize, high as usize];
-        let quadric = self.quadrics[a].plus(&self.quadrics[b]);
-        let [from, to] = [self.soup.positions[a], self.soup.positions[b]];
-        let middle = std::array::from_fn(|axis| 0.5 * (from[axis] + to[axis]));
-        let to = quadric.least().unwrap_or(middle);
-        let [lowest, highest] = self.extent;
-        let to = std::array::from_fn(|axis| to[axis].clamp(lowest[axis], highest[axis]));
+        let error = self.quadric([low, high]).at(self.merged([low, high]));
         let colors = minus(self.soup.colors[a], self.soup.colors[b]);
         let (wa, wb) = (self.weights[a], self.weights[b]);
         let mean = if wa + wb > 0.0 { wa * wb / (wa + wb) } else { 0.0 };
-        let error = quadric.at(to);
         let error = if error > 0.0 { error } else { 0.0 };
         let loss = error + self.cell * mean * dot(colors, colors);
-        EdgeCollapse { loss, pair: [low, high], changes: [self.changes[a], self.changes[b]], to }
+        let changes = [self.changes[a], self.changes[b]];
+        EdgeCollapse { loss: loss.to_bits(), pair: [low, high], changes }
     }
 
     /// True if no triangle turns over, and the surface around the edge stays a surface: the
     /// vertices that both ends are joined to are the third corners of the edge's two triangles.
-    fn is_harmless(&self, edge: &EdgeCollapse) -> bool {
-        let [a, b] = edge.pair;
+    fn is_harmless(&self, [a, b]: [u32; 2], to: [f64; 3]) -> bool {
         let (near, far) = (self.neighbours(a), self.neighbours(b));
         let common = near.iter().filter(|vertex| far.binary_search(vertex).is_ok()).count();
         let shared = self.around[a as usize].iter();
@@ -247,7 +248,7 @@ impl Surface {
                 let mut new = old;
                 for (position, corner) in new.iter_mut().zip(corners) {
                     if corner == a || corner == b {
-                        *position = edge.to;
+                        *position = to;
                     }
                 }
                 let [before, after] = [old, new].map(|[p, q, r]| cross(minus(q, p), minus(r, p)));
@@ -255,8 +256,8 @@ impl Surface {
             })
     }
 
-    fn merge(&mut self, edge: &EdgeCollapse) {
-        let [kept, gone] = edge.pair.map(|vertex| vertex as usize);
+    fn merge(&mut self, pair: [u32; 2], to: [f64; 3]) {
+        let [kept, gone] = pair.map(|vertex| vertex as usize);
         let (wa, wb) = (self.weights[kept], self.weights[gone]);
         if wa + wb > 0.0 {
             let [a, b] = [self.soup.colors[kept], self.soup.colors[gone]];
@@ -264,17 +265,17 @@ impl Surface {
         }
         self.weights[kept] = wa + wb;
         self.quadrics[kept] = self.quadrics[kept].plus(&self.quadrics[gone]);
-        self.soup.positions[kept] = edge.to;
+        self.soup.positions[kept] = to;
         self.changes[kept] += 1;
         self.changes[gone] += 1;
         for triangle in std::mem::take(&mut self.around[gone]) {
             let corners = &mut self.soup.triangles[triangle as usize];
-            if corners.contains(&edge.pair[0]) {
+            if corners.contains(&pair[0]) {
                 self.remove(triangle);
                 continue;
             }
             for corner in corners.iter_mut().filter(|corner| **corner as usize == gone) {
-                *corner = edge.pair[0];
+                *corner = pair[0];
             }
             let corners = *corners;
             match self.twin(kept, corners) {
