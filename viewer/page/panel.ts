@@ -1,6 +1,6 @@
 /** What the panel says. */
 
-import type { RadianceField, Statistics } from "../src/index.js";
+import type { Budget, RadianceField, Statistics } from "../src/index.js";
 import { levelOfPart, partsOf } from "../src/format/parts.js";
 import { levelTint } from "../src/render/shader.js";
 
@@ -70,6 +70,12 @@ export function readable(bytes: number): string {
   return unit === 0 ? `${bytes} B` : `${value.toFixed(2)} ${units[unit]}`;
 }
 
+/** What a field takes of the device's memory. */
+function memory({ bytes, most, blocks: [held, known] }: Budget): string {
+  const room = held < known ? `; room for ${held} of ${known} blocks, those near the camera` : "";
+  return `${readable(bytes)}, of ${readable(most)}${room}`;
+}
+
 /** Shows an error in plain words, or takes it away. */
 export function showError(error: { message: string; remedy?: string } | null, heading = ""): void {
   page.error.hidden = !error;
@@ -127,6 +133,7 @@ export function showFacts(name: string, field: RadianceField | null, frameTime: 
       ["Bytes", field.arrived < file.fileBytes ? `${readable(field.arrived)} of ${readable(file.fileBytes)}` : readable(file.fileBytes)],
       ["Comes", TRANSFERS[file.transfer]],
     );
+    if (field.budget) rows.push(["Memory", memory(field.budget)]);
   }
   if (frameTime !== null) rows.push(["Frame", `${frameTime.toFixed(1)} ms`]);
   if (statistics && statistics.rays > 0) {

@@ -3,7 +3,7 @@
 import { Color, Matrix4, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "../src/device.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
-import { type Opened, openAddress, openFile, release, standpoint, visibleBox } from "../src/stage/opened.js";
+import { type Opened, openAddress, openFile, type OpenOptions, release, standpoint, visibleBox } from "../src/stage/opened.js";
 import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
@@ -52,8 +52,10 @@ let number = 0;
 let counting = 0;
 /** The view that the page chose. */
 let framed = "";
+/** How files are opened. */
+const options: OpenOptions = {};
 /** What the next chosen file is for. */
-let purpose: (file: File) => Promise<void> = (file) => show(() => openFile(file));
+let purpose: (file: File) => Promise<void> = (file) => show(() => openFile(file, options));
 
 const field = () => opened?.fields[0] ?? null;
 const fields = () => [...(opened?.fields ?? []), ...(other?.fields ?? [])];
@@ -249,14 +251,14 @@ function ask(accept: string, then: (file: File) => Promise<void>): void {
 
 /** A file that was dropped: a camera file, or something to show. */
 async function take(file: File): Promise<void> {
-  if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file));
+  if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file, options));
   await openCameras(file).catch(failViews);
 }
 
 /** Takes files from the first moment on: a browser leaves the page for one that nobody takes. */
 function listenForFiles(): void {
-  page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file)))));
-  page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file))));
+  page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file, options)))));
+  page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file, options))));
   page.cameras.addEventListener("click", () => ask(".json", (file) => openCameras(file).catch(failViews)));
   page.chooser.addEventListener("change", () => {
     const file = page.chooser.files?.[0];
@@ -351,13 +353,15 @@ try {
   listenForFiles();
   await (started = start());
   const asked = new URLSearchParams(location.search);
+  const maxBytes = Number(asked.get("max-bytes"));
+  if (maxBytes > 0) options.maxBytes = maxBytes;
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
   if (cameras) {
     const startThere = () => opened && standpoint(opened) && viewpointText(stage.viewpoint) === framed && frame();
     void fetchCameras(cameras).then(startThere).catch(failViews);
   }
-  if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
-  else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
+  if (address) void show(() => openAddress(address, options), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside, options)) : undefined));
+  else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name), options) : openAddress(own.address, options)));
 } catch (cause) {
   fail(cause, "page");
 }

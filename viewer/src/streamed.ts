@@ -4,13 +4,15 @@ import { Decoder } from "./decoder.js";
 import { deviceLimits } from "./device.js";
 import { FieldError, REMEDY } from "./errors.js";
 import type { Metadata } from "./format/metadata.js";
-import { isNested } from "./format/parts.js";
+import { extentOf, isNested, partsOf } from "./format/parts.js";
 import type { Opened } from "./load/loader.js";
 import type { Reply } from "./load/messages.js";
+import type { Look } from "./load/residents.js";
 import type { OwnSource, RequestOptions, Source } from "./load/source.js";
 import { Atlas } from "./render/atlas.js";
 import { WIDEST_LAYER } from "./render/network.js";
 import type { Textures } from "./render/textures.js";
+import { lookOf, type View } from "./render/uniforms.js";
 
 /** The steps of loading. */
 export interface FieldEvents {
@@ -38,7 +40,24 @@ export interface FieldOptions {
   /** Sent with every request. */
   headers?: HeadersInit;
   credentials?: RequestCredentials;
+  /**
+   * Bytes of textures that the field may take on each device. Where its blocks do not all fit, those near the camera come, and
+   * coarser levels show the others. Without it, a quarter of the device's memory, and 1.5 GiB at most.
+   */
+  maxBytes?: number;
 }
+
+/** What a field takes of a device's memory. */
+export interface Budget {
+  /** Bytes of all textures, and those that they may take. */
+  bytes: number;
+  most: number;
+  /** Blocks on the device, and those that have come. */
+  blocks: [number, number];
+}
+
+/** Of the diagonal of the innermost box, as far as the camera goes before other blocks may be near it; radians that it turns before it sees others. */
+const [MOVED, TURNED] = [0.01, 0.1];
 
 /** Files from this size on are decoded by several workers, and by how many at most. */
 const [HELPED_BYTES, MOST_HELPERS] = [1 << 20, 16];
@@ -58,6 +77,12 @@ export class StreamedField {
   private occupied: [number[], number[]] | null = null;
   /** The middle of a world's free space, as shares of its innermost box. */
   private freeShare: number[] | null = null;
+  /** Where not all blocks have room: those that have, and all that have come. */
+  private held: [number, number] | null = null;
+  /** The camera; what the decoder was told of it last, and whether that has not answered. */
+  private camera: Look | null = null;
+  private told: Look | null = null;
+  private isLooking = false;
   private readonly worker = new Decoder();
   /** Workers that help the first to decode. */
   private readonly helpers: Decoder[] = [];
@@ -68,7 +93,7 @@ export class StreamedField {
   private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: FieldError) => void };
 
   /** Loads `source`, the address of a container or its bytes; nothing is told before an owner joins. */
-  constructor(source: Source, { headers, credentials }: FieldOptions = {}) {
+  constructor(source: Source, { headers, credentials, maxBytes = Infinity }: FieldOptions = {}) {
     const own = ownSource(source);
     const opened = promise<Metadata>();
     const finished = promise<void>();
@@ -93,7 +118,7 @@ export class StreamedField {
     };
     const request: RequestOptions = { ...(headers && { headers: Object.fromEntries(new Headers(headers)) }), ...(credentials && { credentials }) };
     deviceLimits().then(
-      (device) => this.worker.post({ kind: "load", source: own, request, device }),
+      (device) => this.worker.post({ kind: "load", source: own, request, device: { ...device, bytes: Math.min(device.bytes, maxBytes) } }),
       (error) => {
         this.terminate();
         this.fail(error);
@@ -140,6 +165,11 @@ export class StreamedField {
       this.freeShare ??= reply.entry.free;
       for (const atlas of this.wanting(reply.round)) atlas.finish(reply.entry);
       this.tell("change", {});
+    } else if (reply.kind === "residents") {
+      this.held = [reply.held, reply.known];
+      if (!reply.isAnswer) return;
+      this.isLooking = false;
+      this.lookAgain();
     } else if (reply.kind === "begun") {
       for (const atlas of this.wanting(reply.round)) atlas.expect(reply.part);
     } else if (reply.kind === "part") {
@@ -149,7 +179,7 @@ export class StreamedField {
 
   /** The devices that what was asked for in a round is for: those that have not got everything yet. */
   private wanting(round: number): Atlas[] {
-    return round === this.round ? this.atlases.filter((atlas) => !atlas.isWhole) : [];
+    return round === this.round ? this.atlases.filter((atlas) => !atlas.isWhole || this.content?.plan.isPartial) : [];
   }
 
   /** What is in the file; null until it is opened. */
@@ -168,9 +198,35 @@ export class StreamedField {
     return this.atlases.some((atlas) => atlas.waiting);
   }
 
-  /** Whether a level's bytes are there and are being decoded. */
+  /** Whether a level's bytes are there and are being decoded, or blocks near the camera. */
   get decoding(): boolean {
-    return this.atlases.some((atlas) => atlas.decoding);
+    return this.isLooking || this.atlases.some((atlas) => atlas.decoding);
+  }
+
+  /** What the field takes of each device's memory; null until it is opened. */
+  get budget(): Budget | null {
+    if (!this.content) return null;
+    const { metadata, plan } = this.content;
+    const live = this.atlases.map((atlas) => [...atlas.live].reduce((sum, part) => sum + partsOf(metadata)[part].blocks_stored, 0));
+    const whole = Math.max(0, ...live);
+    return { bytes: plan.bytes, most: plan.most, blocks: plan.isPartial ? (this.held ?? [0, 0]) : [whole, whole] };
+  }
+
+  /** The camera sees this: where not all blocks have room, those near it get it, those that it sees before others. */
+  look(view: View): void {
+    if (!this.content?.plan.isPartial) return;
+    this.camera = lookOf(view);
+    this.lookAgain();
+  }
+
+  private lookAgain(): void {
+    const { camera, told, content } = this;
+    if (!camera || !content || this.isLooking) return;
+    const far = MOVED * Math.hypot(...extentOf(content.metadata.bounds));
+    const apart = (a: readonly number[], b: readonly number[]) => Math.hypot(...a.map((value, axis) => value - b[axis]));
+    if (told && apart(camera.place, told.place) <= far && apart(camera.forward, told.forward) <= TURNED && Math.abs(camera.cosine - told.cosine) <= TURNED) return;
+    [this.told, this.isLooking] = [camera, true];
+    this.worker.post({ kind: "look", camera });
   }
 
   /** What a device has, and the finest level that it shows; null before the first upload to it. */
@@ -204,12 +260,12 @@ export class StreamedField {
   upload(gl: WebGL2RenderingContext): boolean {
     if (!this.content) return false;
     const atlas = this.atlasOf(gl, this.content);
-    const before = atlas.live.size;
+    const before = atlas.entered;
     if (!atlas.upload(gl)) {
       this.round++;
       this.worker.post({ kind: "again" });
     }
-    const isChanged = atlas.live.size !== before;
+    const isChanged = atlas.entered !== before;
     if (atlas.waiting || isChanged) this.tell("change", {});
     return isChanged;
   }
@@ -269,10 +325,12 @@ export class StreamedField {
   }
 
   private terminate(): void {
+    this.isLooking = false;
     for (const worker of [this.worker, ...this.helpers]) worker.terminate();
   }
 
   private fail(error: FieldError): void {
+    this.isLooking = false;
     this.failure = error;
     this.keep.reject(error);
     this.tell("failed", { error });

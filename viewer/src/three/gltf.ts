@@ -17,7 +17,11 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   private readonly fields: RadianceField[] = [];
   private isDisposed = false;
 
-  constructor(private readonly parser: GLTFParser) {}
+  /** Fields may take `maxBytes` of textures each. */
+  constructor(
+    private readonly parser: GLTFParser,
+    private readonly options: Pick<FieldOptions, "maxBytes"> = {},
+  ) {}
 
   /** Gives up the fields of an asset that could not be loaded, which nobody else can reach; those that were to come, too. */
   dispose(): void {
@@ -63,6 +67,6 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   /** Containers are asked for as the loader asks for buffers. */
   private request(): FieldOptions {
     const { requestHeader, withCredentials } = this.parser.fileLoader as FileLoader;
-    return { headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
+    return { ...this.options, headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
   }
 }
