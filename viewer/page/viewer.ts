@@ -206,8 +206,8 @@ function follow(shown: RadianceField, made: Opened): void {
     isFramed = true;
     if (place) stood.copy(place);
   });
-  shown.addEventListener("progress", ({ arrived }) => {
-    page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
+  shown.addEventListener("progress", ({ loaded, total }) => {
+    page.progress.value = total > 0 ? loaded / total : 0;
   });
   shown.addEventListener("failed", ({ error }) => fail(error, shown.file ? "rest" : "file"));
 }

@@ -18,8 +18,8 @@ import { lookOf, type View } from "./render/uniforms.js";
 export interface FieldEvents {
   /** Header, metadata and network are there. */
   opened: { metadata: Metadata };
-  /** More bytes have arrived. */
-  progress: { arrived: number };
+  /** More bytes have arrived, of so many that will come; 0 until that is known. */
+  progress: { loaded: number; total: number };
   /** The picture has changed: a level came, or a part of one. Draw again. */
   change: {};
   /** All levels are there. */
@@ -35,8 +35,20 @@ export interface Owner {
   tell<Kind extends keyof FieldEvents>(kind: Kind, event: FieldEvents[Kind]): void;
 }
 
-/** How an address is asked for. */
+/** What keeps count of what is being loaded: a `LoadingManager` of three.js. */
+export interface Manager {
+  itemStart(address: string): void;
+  itemEnd(address: string): void;
+  itemError(address: string): void;
+  resolveURL?(address: string): string;
+}
+
+/** How a field is loaded. */
 export interface FieldOptions {
+  /** Ends loading. What has come is still shown; promises are rejected with the signal's reason. */
+  signal?: AbortSignal;
+  /** Is told of the field, by its address, until its first level is there. */
+  manager?: Manager;
   /** Sent with every request. */
   headers?: HeadersInit;
   credentials?: RequestCredentials;
@@ -71,6 +83,11 @@ export class StreamedField {
   /** Bytes that have arrived. */
   arrived = 0;
   private readonly owners = new Set<Owner>();
+  /** Those who hear what owners hear, but keep nothing. */
+  private readonly watchers = new Set<Owner>();
+  /** Whether everything has come, or will not; whether it is not wanted. */
+  private isDone = false;
+  private isGivenUp = false;
   private content: Opened | null = null;
   /** What each device has, or will have; the first waits for the device that it is for. */
   private atlases: Atlas[] = [];
@@ -90,15 +107,16 @@ export class StreamedField {
   private round = 0;
   private failure: FieldError | null = null;
   /** Keeps the promises, or breaks those that are not kept yet. */
-  private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: FieldError) => void };
+  private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: unknown) => void };
 
   /** Loads `source`, the address of a container or its bytes; nothing is told before an owner joins. */
-  constructor(source: Source, { headers, credentials, maxBytes = Infinity }: FieldOptions = {}) {
-    const own = ownSource(source);
+  constructor(source: Source, { headers, credentials, maxBytes = Infinity, signal, manager }: FieldOptions = {}) {
+    const own = ownSource(source, manager);
+    this.count(own, manager);
     const opened = promise<Metadata>();
     const finished = promise<void>();
     [this.opened, this.finished] = [opened.promise, finished.promise];
-    const reject = (error: FieldError) => {
+    const reject = (error: unknown) => {
       opened.reject(error);
       finished.reject(error);
     };
@@ -117,13 +135,48 @@ export class StreamedField {
       }
     };
     const request: RequestOptions = { ...(headers && { headers: Object.fromEntries(new Headers(headers)) }), ...(credentials && { credentials }) };
-    deviceLimits().then(
-      (device) => this.worker.post({ kind: "load", source: own, request, device: { ...device, bytes: Math.min(device.bytes, maxBytes) } }),
+    if (signal?.aborted) this.abort(signal.reason);
+    else signal?.addEventListener("abort", () => this.abort(signal.reason), { once: true });
+    Promise.all([deviceLimits(), own]).then(
+      ([device, own]) => this.worker.post({ kind: "load", source: own, request, device: { ...device, bytes: Math.min(device.bytes, maxBytes) } }),
       (error) => {
         this.terminate();
         this.fail(error);
       },
     );
+  }
+
+  /** Tells a manager when loading begins, and when the first level is there or will not come. */
+  private count(source: OwnSource | Promise<OwnSource>, manager: Manager | undefined): void {
+    if (!manager) return;
+    const name = typeof source === "string" ? source : "radiance field";
+    manager.itemStart(name);
+    const owner: Owner = {
+      begin: () => {},
+      tell: (kind) => {
+        if (kind !== "change" && kind !== "failed") return;
+        this.watchers.delete(owner);
+        if (kind === "failed") manager.itemError(name);
+        manager.itemEnd(name);
+      },
+    };
+    this.watchers.add(owner);
+  }
+
+  /** Somebody does not want it any more. */
+  private abort(reason: unknown): void {
+    if (this.isDone) return;
+    if (this.content) this.worker.post({ kind: "stop" });
+    else this.terminate();
+    this.isDone = this.isGivenUp = true;
+    this.keep.reject(reason);
+    this.fail(new FieldError("Loading was given up.", REMEDY.again));
+  }
+
+  /** Bytes that will be loaded; 0 until that is known. */
+  private get total(): number {
+    const { content } = this;
+    return content ? Math.max(content.prefixes[content.plan.finest], content.plan.finest === 0 ? content.fileBytes : 0, this.arrived) : 0;
   }
 
   /** Shows the field to one more owner. */
@@ -140,11 +193,14 @@ export class StreamedField {
     this.terminate();
     this.keep.reject(new FieldError("The field was given up before all of it was there.", REMEDY.again));
     this.failure = new FieldError("The field was given up.", REMEDY.again);
+    for (const watcher of [...this.watchers]) watcher.tell("failed", { error: this.failure });
     this.free();
   }
 
   private take(reply: Reply): void {
     if (reply.kind === "failed") {
+      // It was given up.
+      if (this.isGivenUp) return;
       // Levels that came before are shown, and may have to come again.
       if (!this.content) this.terminate();
       this.atlases.forEach((atlas) => atlas.expectNothing());
@@ -155,9 +211,10 @@ export class StreamedField {
       this.tell("opened", { metadata: reply.opened.metadata });
     } else if (reply.kind === "progress") {
       this.arrived = reply.arrived;
-      this.tell("progress", { arrived: reply.arrived });
+      this.tell("progress", { loaded: reply.arrived, total: this.total });
     } else if (reply.kind === "done") {
       this.endHelpers();
+      this.isDone = true;
       this.keep.finished();
       this.tell("done", {});
     } else if (reply.kind === "entry") {
@@ -330,6 +387,7 @@ export class StreamedField {
   }
 
   private fail(error: FieldError): void {
+    this.isDone = true;
     this.isLooking = false;
     this.failure = error;
     this.keep.reject(error);
@@ -337,23 +395,34 @@ export class StreamedField {
   }
 
   private tell<Kind extends keyof FieldEvents>(kind: Kind, event: FieldEvents[Kind]): void {
-    for (const owner of [...this.owners]) owner.tell(kind, event);
+    for (const owner of [...this.owners, ...this.watchers]) owner.tell(kind, event);
   }
 }
 
 /** A source as the worker takes it. A blob's bytes are not copied on their way. */
-function ownSource(source: Source): OwnSource {
-  if (typeof source === "string") return new URL(source, document.baseURI).href;
+function ownSource(source: Source, manager: Manager | undefined): OwnSource | Promise<OwnSource> {
+  if (typeof source === "string" || source instanceof URL) {
+    const address = String(source);
+    return new URL(manager?.resolveURL?.(address) ?? address, document.baseURI).href;
+  }
   if (source instanceof Blob) return source;
+  if (source instanceof Response) return answered(source);
   // Whoever calls from plain script may hand over anything.
   if (source instanceof ArrayBuffer || ArrayBuffer.isView(source)) return new Blob([source]);
-  throw new FieldError("A field is made of a container's address, of its bytes, or of another field.", REMEDY.source);
+  throw new FieldError("A field is made of a container's address, of its bytes, of a server's answer, or of another field.", REMEDY.source);
+}
+
+async function answered(response: Response): Promise<Blob> {
+  if (!response.ok) throw new FieldError(`${response.url || "The server"} answers ${response.status} ${response.statusText}.`, REMEDY.network);
+  return response.blob().catch(() => {
+    throw new FieldError("The server's answer cannot be read: it was read before, or the connection broke.", REMEDY.network);
+  });
 }
 
 /** A promise to be kept elsewhere; nobody has to listen to its failure. */
-function promise<T>(): { promise: Promise<T>; resolve: (value: T) => void; reject: (error: FieldError) => void } {
+function promise<T>(): { promise: Promise<T>; resolve: (value: T) => void; reject: (error: unknown) => void } {
   let resolve!: (value: T) => void;
-  let reject!: (error: FieldError) => void;
+  let reject!: (error: unknown) => void;
   const made = new Promise<T>((yes, no) => ([resolve, reject] = [yes, no]));
   made.catch(() => {});
   return { promise: made, resolve, reject };

@@ -91,6 +91,25 @@ test("the tarball holds the licence, and nothing that it needs but the framework
   assert.doesNotMatch(readFileSync(join(installed, "README.md"), "utf8"), /\]\((?!https:|#)/);
 });
 
+test("the package's files and types are what bundlers and Node.js look for", () => {
+  const run = (name: string, ...parameters: string[]) => spawnSync("node", [join(process.cwd(), "node_modules", name), ...parameters], { encoding: "utf8" });
+  const tarball = join(USER, readdirSync(USER).find((name) => name.endsWith(".tgz"))!);
+  const linted = run("publint/src/cli.js", "run", tarball, "--strict");
+  assert.equal(linted.status, 0, linted.stdout);
+  // The worker is a script alone.
+  const typed = run("@arethetypeswrong/cli/dist/index.js", tarball, "--profile", "esm-only", "--exclude-entrypoints", "worker.js", "--no-emoji");
+  assert.equal(typed.status, 0, typed.stdout);
+});
+
+test("the one script of the package needs no other file but the scene", async () => {
+  const { page, problems } = await newPage(browser, { width: 300, height: 200 });
+  const asked: string[] = [];
+  page.on("request", (request) => asked.push(new URL(request.url()).pathname));
+  page.on("requestfailed", (request) => problems.push(`error: ${request.url()} ${request.failure()!.errorText}`));
+  await showsAt(page, problems, `${await serve(page, USER)}/standalone.html`, "");
+  assert.deepEqual(asked.filter((path) => path.startsWith("/") && !path.endsWith(".mipvog") && path !== "/favicon.ico"), ["/standalone.html", "/node_modules/mipvog-viewer/build/package/mipvog-viewer.js"]);
+});
+
 for (const name of ["import-map.html", "element.html", "model-viewer.html"]) {
   test(`the example ${name} shows the scene`, () => shows(USER, name));
 }
@@ -147,10 +166,10 @@ test("a page that requires trusted types names the package's, and one that does 
 });
 
 test("servers that draw pages import all of it", () => {
-  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/babylon"]';
+  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/babylon", "mipvog-viewer/standalone"]';
   const script = `import manifest from "mipvog-viewer/package.json" with { type: "json" }; const all = await Promise.all(${all}.map((name) => import(name))); console.log(manifest.name, all.map((one) => Object.keys(one).length > 0).join());`;
   const told = execFileSync("node", ["--input-type=module", "--no-warnings", "--eval", script], { cwd: USER, encoding: "utf8" });
-  assert.equal(told.trim(), "mipvog-viewer true,true,true");
+  assert.equal(told.trim(), "mipvog-viewer true,true,true,true");
 });
 
 /** What TypeScript says of a script in a folder. */

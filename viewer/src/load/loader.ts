@@ -127,6 +127,11 @@ export class Loader {
     }
   }
 
+  /** Loads no more; what came stays. */
+  stop(): void {
+    this.source.cancel();
+  }
+
   /** Decodes once more what was loaded. */
   async again(): Promise<void> {
     const { opened } = this;
@@ -234,6 +239,8 @@ export class Loader {
     const header = readHeader(bytes);
     await more(HEADER_BYTES + ENTRY_BYTES * header.chunks);
     this.entries = readDirectory(header, bytes);
+    // All that the first picture takes in one request.
+    await more(this.firstEnd(header.fileBytes));
     const [meta] = this.entries;
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
@@ -292,7 +299,14 @@ export class Loader {
 
   /** Bytes from the file's start after which a part can be decoded: its prefix may hold unknown chunks behind those of finer ones. */
   private end(part: number): number {
-    return Math.max(...levelEntries(this.entries, part).map(paddedEnd));
+    return Math.max(0, ...levelEntries(this.entries, part).map(paddedEnd));
+  }
+
+  /** Where the levels and shells end that come with the first picture, as far as the directory tells. */
+  private firstEnd(fileBytes: number): number {
+    const ends = [...new Set(this.entries.flatMap(({ part }) => part ?? []))].map((part) => this.end(part));
+    const { length } = this.source;
+    return Math.min(length ?? fileBytes, Math.max(Math.min(...ends), ...ends.filter((end) => end <= fileBytes * FIRST_PICTURE)));
   }
 
   private prefix(level: number): number {

@@ -7,7 +7,7 @@ import type { Look } from "./residents.js";
 import type { OwnSource, RequestOptions } from "./source.js";
 
 /**
- * Ask the device for its limits; load a container; decode again what was loaded; where not all has room, keep what is near the
+ * Ask the device for its limits; load a container; decode again what was loaded; load no more; where not all has room, keep what is near the
  * camera, at a place in the field's axes; let the helpers at `ports` decode, too; go on
  * without the one of a number; be one, at `port`.
  */
@@ -15,6 +15,7 @@ export type Request =
   | { kind: "device" }
   | { kind: "load"; source: OwnSource; request: RequestOptions; device: DeviceLimits }
   | { kind: "again" }
+  | { kind: "stop" }
   | { kind: "look"; camera: Look }
   | { kind: "crew"; ports: MessagePort[] }
   | { kind: "left"; helper: number }

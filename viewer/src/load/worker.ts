@@ -37,6 +37,8 @@ port.onmessage = async ({ data }) => {
       data.ports.forEach((port) => loader?.crew.add(port));
     } else if (data.kind === "left") {
       loader?.crew.leave(data.helper);
+    } else if (data.kind === "stop") {
+      loader?.stop();
     } else if (data.kind === "look") {
       await loader?.look(data.camera);
     } else if (data.kind === "help") {

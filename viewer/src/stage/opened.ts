@@ -45,6 +45,8 @@ async function firstBytes(address: string): Promise<Uint8Array> {
   const ending = new AbortController();
   try {
     const response = await fetch(address, { headers: { Range: `bytes=0-${FIRST - 1}` }, signal: ending.signal });
+    // A part is read to its end, so that nothing is broken off.
+    if (response.status === 206) return new Uint8Array(await response.arrayBuffer());
     const { value } = response.ok && response.body ? await response.body.getReader().read() : {};
     return value ?? new Uint8Array(0);
   } catch {

@@ -60,13 +60,12 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   private async source(reference: FieldReference): Promise<string | ArrayBuffer> {
     const place = placeOf(this.parser.json, reference);
     if ("bufferView" in place) return this.parser.getDependency("bufferView", place.bufferView) as Promise<ArrayBuffer>;
-    const { manager, path } = this.parser.options;
-    return manager.resolveURL(LoaderUtils.resolveURL(place.uri, path));
+    return LoaderUtils.resolveURL(place.uri, this.parser.options.path);
   }
 
   /** Containers are asked for as the loader asks for buffers. */
   private request(): FieldOptions {
     const { requestHeader, withCredentials } = this.parser.fileLoader as FileLoader;
-    return { ...this.options, headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
+    return { ...this.options, manager: this.parser.options.manager, headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
   }
 }
