@@ -224,7 +224,7 @@ test("the element of the package shows compressed assets, and says what it leave
     const message = await page.evaluate(async () => {
       const element = document.querySelector("mipvog-viewer")!;
       await Promise.all(element.fields.map((field) => field.finished));
-      return element.shadowRoot!.querySelector("p")!.textContent;
+      return element.shadowRoot!.querySelector("p span")!.textContent;
     });
     if (name === "ktx2") assert.match(message!, /Basis Universal/);
     else assert.equal(message, "");
