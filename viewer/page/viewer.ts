@@ -8,7 +8,8 @@ import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
-import { bindTools, showView } from "./tools.js";
+import { bindMeasure } from "./measure.js";
+import { bindTools, setRotation, showView } from "./tools.js";
 import { addressedView, fetchCameras, firstView, forgetView, goTo, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
@@ -38,6 +39,7 @@ const COUNT_MS = 250;
 const WIDE = 1000;
 
 let stage: Stage;
+let measuring: ReturnType<typeof bindMeasure>;
 /** Resolves once there is a stage. */
 let started: Promise<void>;
 let opened: Opened | null = null;
@@ -132,6 +134,7 @@ async function show(open: () => Opened | Promise<Opened>, name?: string | null):
   if (!isFirst) forgetView();
   opened = { ...made, name: name || made.name };
   stage.scene.add(made.object);
+  measuring.forget();
   showName(opened.name);
   offerLevels(field());
   paint(null);
@@ -150,6 +153,7 @@ async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
   other = made;
   stage.scene.add(made.object);
   page.split.hidden = page.line.hidden = false;
+  [opened.name, made.name].forEach((name, side) => (page.sides[side].textContent = name));
   showChoices();
   divide();
   if (made.lacks) fail(made.lacks, "without");
@@ -217,6 +221,7 @@ function drawn(): void {
   const shown = field();
   if (shown && shown.finest !== null) {
     firstPicture ??= shown.arrived;
+    page.poster.hidden = true;
     nameView(stage, framed);
     // Counting draws a small picture of its own, so it waits until nothing moves, and for somebody to look.
     clearTimeout(counting);
@@ -310,7 +315,10 @@ async function start(): Promise<void> {
   stage = new Stage(page.canvas);
   stage.painter.drawn = drawn;
   listen();
-  bindTools(stage, () => opened?.name ?? "picture");
+  const name = () => opened?.name ?? "picture";
+  measuring = bindMeasure(stage, field, name);
+  bindTools(stage, name, () => measuring.toggle());
+  if (new URLSearchParams(location.search).has("autorotate") && !matchMedia("(prefers-reduced-motion: reduce)").matches) setRotation(stage, true);
   offerLevels(null);
   page.panel.open = innerWidth >= WIDE;
 }
@@ -349,10 +357,14 @@ window.__mipvog = {
 
 try {
   const own = ownFile();
+  const asked = new URLSearchParams(location.search);
+  // For frames in other pages.
+  page.main.classList.toggle("bare", asked.get("ui") === "0");
+  const poster = asked.get("poster");
+  if (poster) [page.poster.src, page.poster.hidden] = [poster, false];
   useOwnWorker();
   listenForFiles();
   await (started = start());
-  const asked = new URLSearchParams(location.search);
   const maxBytes = Number(asked.get("max-bytes"));
   if (maxBytes > 0) options.maxBytes = maxBytes;
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
