@@ -69,7 +69,12 @@ async function colors(page: Page): Promise<number> {
 
 async function shows(folder: string, name: string, headers?: Record<string, string>): Promise<void> {
   const { page, problems } = await newPage(browser, { width: 300, height: 200 });
+  const asked: string[] = [];
+  page.on("request", (request) => asked.push(new URL(request.url()).pathname));
   await showsAt(page, problems, `${await serve(page, folder, headers)}/${name}`, "error");
+  // Nothing is asked for twice, but what every worker starts from.
+  const twice = asked.filter((path, at) => asked.indexOf(path) !== at && !path.includes("worker"));
+  assert.deepEqual(twice, [], name);
 }
 
 /** Waits for a picture; nothing that has gone wrong speaks of `trouble`. */
@@ -87,6 +92,10 @@ test("the tarball holds the licence, and nothing that it needs but the framework
   const { dependencies, peerDependencies } = JSON.parse(readFileSync(join(installed, "package.json"), "utf8"));
   assert.deepEqual([dependencies, Object.keys(peerDependencies)], [undefined, ["@babylonjs/core", "@babylonjs/loaders", "three"]]);
   assert.match(readFileSync(join(installed, "LICENSE"), "utf8"), /MIT/);
+  for (const name of ["index", "element", "babylon", "worker"]) {
+    const { sources, sourcesContent } = JSON.parse(readFileSync(join(installed, "build", "package", `${name}.js.map`), "utf8"));
+    assert.equal(sourcesContent.length, sources.length, name);
+  }
   // A package's page knows no other folders.
   assert.doesNotMatch(readFileSync(join(installed, "README.md"), "utf8"), /\]\((?!https:|#)/);
 });
@@ -141,6 +150,18 @@ for (const [release, { createServer }] of Object.entries({ 5: viteOldest, 7: vit
     });
   }
 }
+
+test("a page of React that a server has drawn is taken over by the browser, and shows the scene", async () => {
+  const root = join(USER, "next");
+  writeFileSync(join(root, "main.jsx"), 'import { hydrateRoot } from "react-dom/client"; import Page from "./page.jsx"; hydrateRoot(document.getElementById("root"), <Page />);');
+  writeFileSync(join(root, "server.jsx"), 'import { renderToString } from "react-dom/server"; import "mipvog-viewer/element"; import Page from "./page.jsx"; console.log(renderToString(<Page />));');
+  await esbuild.build({ entryPoints: [join(root, "server.jsx")], bundle: true, format: "esm", platform: "node", packages: "external", jsx: "automatic", outfile: join(root, "server.mjs"), logLevel: "error" });
+  const drawn = execFileSync("node", [join(root, "server.mjs")], { encoding: "utf8" }).trim();
+  assert.equal(drawn, '<mipvog-viewer src="scene.mipvog" alt="A toy digger"></mipvog-viewer>');
+  writeFileSync(join(root, "index.html"), `<!doctype html><div id="root">${drawn}</div><script type="module" src="main.jsx"></script>`);
+  await vite.build({ root, configFile: false, logLevel: "error", build: { outDir: "dist" } });
+  await shows(join(root, "dist"), "index.html");
+});
 
 test("a bundle of one script, without the worker beside it, shows the scene", async () => {
   const root = join(USER, "one");
