@@ -12,7 +12,8 @@ import { Blocks } from "../src/load/blocks.js";
 import { levelChunks } from "../src/load/level.js";
 import { type DeviceLimits, plan } from "../src/load/plan.js";
 import { Residents, runsOf } from "../src/load/residents.js";
-import { capture, CountingServer, launch, loseDevice, newPage, psnr, ready, ROOT, type View } from "./support.js";
+import { capture, CountingServer, launch, loseDevice, newPage, openOther, psnr, ready, ROOT, type View } from "./support.js";
+import type {} from "./others/babylon.scenes.js";
 
 const WORLD = join(ROOT, "fixtures", "baked", "boxes.mipvog");
 const DEVICE: DeviceLimits = { side: 2048, floatLinear: true, bytes: 2 ** 31, uniforms: 1024 };
@@ -187,4 +188,37 @@ test("a world in a quarter of its memory looks better than as many whole levels,
     const coarser = psnr(pictures.coarser[i], pictures.whole[i]);
     assert.ok(some > coarser + 1, `spot ${i}: ${some} dB, whole levels ${coarser} dB`);
   });
+});
+
+test("Babylon.js draws an object in less memory, finely where the camera is", async () => {
+  const path = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
+  const whole = plan(metadataOf(path), DEVICE, 0).bytes;
+  const address = server.offer("object.mipvog", readFileSync(path));
+  const { page, problems } = await newPage(browser);
+  await openOther(page, server, "babylon.scenes");
+  const [wanted, some, coarser, budget] = await page.evaluate(async ([address, maxBytes]) => {
+    const { RadianceField, sceneOf, picture } = window.babylon;
+    const draw = async (options: object, level: number | null) => {
+      const { scene, engine } = sceneOf(true, [3, 1, 1]);
+      const field = new RadianceField(address as string, scene, options);
+      field.fixedLevel = level;
+      await picture(scene);
+      // Blocks follow the camera after it was drawn from.
+      for (let frame = 0; frame < 15; frame++) {
+        scene.render();
+        await new Promise(requestAnimationFrame);
+      }
+      const pixels = await picture(scene);
+      const { budget } = field;
+      engine.dispose();
+      return [pixels, budget!] as const;
+    };
+    const some = await draw({ maxBytes }, 0);
+    return [(await draw({}, 0))[0], some[0], (await draw({}, 1))[0], some[1]] as const;
+  }, [address, Math.floor(whole * 0.6)] as const);
+  assert.ok(budget.bytes <= 0.6 * whole && budget.blocks[0] < budget.blocks[1], JSON.stringify(budget));
+  const [kept, lost] = [psnr(some, wanted), psnr(coarser, wanted)];
+  assert.ok(kept > lost, `${kept} dB, the next coarser level ${lost} dB`);
+  assert.deepEqual(problems.filter((problem) => !problem.includes("ReadPixels")), []);
+  await page.close();
 });
