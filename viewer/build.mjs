@@ -1,5 +1,5 @@
 /**
- * Builds the two products: the page in `dist/`, which is committed and goes into the program, and with `--package` the
+ * Builds the products: the page in `dist/`, which is committed and goes into the program, and with `--package` the
  * npm package in `build/package/`. With `--tests` the tests in `build/tests/`, with `--benches` the benchmarks; with `--check` the page in `build/page/`,
  * which must equal `dist/`.
  */
@@ -43,22 +43,26 @@ const LICENSES = {
 
 // The worker's address is relative to its script in every product. The package has its text as well, in a script that only
 // those load who cannot have the worker.
-const worker = (outfile) =>
-  build({ ...common, ...notices("fzstd", "zstddec"), entryPoints: ["src/load/worker.ts"], outfile, minify: true });
+const worker = (outfile, options = {}) =>
+  build({ ...common, ...notices("fzstd", "zstddec"), entryPoints: ["src/load/worker.ts"], outfile, minify: true, ...options });
 /** Beside the scripts that ask for it, like the worker; `external` is what it does not contain. */
 const decoders = (outfile, external = []) =>
   build({ ...common, ...notices("meshoptimizer", "Draco, of Google"), entryPoints: ["src/stage/decoders.ts"], outfile, external, minify: true });
-const [withText, withoutText] = [true, false].map((has) => ({ define: { HAS_WORKER_TEXT: String(has) } }));
+const workerIs = (file, text) => ({ define: { HAS_WORKER_FILE: String(file), HAS_WORKER_TEXT: String(text) } });
+const [withText, withoutText, onlyText] = [workerIs(true, true), workerIs(true, false), workerIs(false, true)];
 
 if (process.argv.includes("--package")) {
   rmSync("build/package", { recursive: true, force: true });
   // What two of them need is in a file of its own, so that a page has one class of each name.
   const entryPoints = { index: "src/index.ts", element: "src/element.ts", babylon: "src/babylon/index.ts" };
-  await worker("build/package/worker.js");
-  copyFileSync("build/package/worker.js", "build/worker.txt");
+  await worker("build/worker.txt");
+  await worker("build/package/worker.js", { sourcemap: true });
   const external = ["three", "three/*", "@babylonjs/*"];
   await decoders("build/package/decoders.js", external);
-  await build({ ...common, ...withText, entryPoints, outdir: "build/package", splitting: true, external: [...external, "./decoders.js"] });
+  await build({ ...common, ...withText, entryPoints, outdir: "build/package", splitting: true, sourcemap: true, external: [...external, "./decoders.js"] });
+  // One script, with everything in it.
+  const all = notices("three", "fzstd", "zstddec", "meshoptimizer", "Draco, of Google");
+  await build({ ...common, ...onlyText, ...all, entryPoints: ["src/standalone.ts"], outfile: "build/package/mipvog-viewer.js", minify: true });
   execFileSync("node_modules/.bin/tsc", ["--project", "tsconfig.package.json"], { stdio: "inherit" });
 } else if (process.argv.includes("--benches")) {
   const entryPoints = readdirSync("benches").filter((name) => name !== "floor.ts").map((name) => `benches/${name}`);

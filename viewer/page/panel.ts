@@ -1,6 +1,6 @@
 /** What the panel says. */
 
-import type { RadianceField, Statistics } from "../src/index.js";
+import type { Budget, RadianceField, Statistics } from "../src/index.js";
 import { levelOfPart, partsOf } from "../src/format/parts.js";
 import { levelTint } from "../src/render/shader.js";
 
@@ -38,6 +38,12 @@ export const page = {
   line: element("line"),
   way: element("way"),
   said: element("said"),
+  measure: element("measure"),
+  measured: element("measured"),
+  unmeasure: element("unmeasure"),
+  poster: element<HTMLImageElement>("poster"),
+  embed: element("embed"),
+  sides: [element("left"), element("right")],
   help: element<HTMLDialogElement>("help"),
   chooser: element<HTMLInputElement>("chooser"),
   openers: [element("open"), element("another")],
@@ -68,6 +74,12 @@ export function readable(bytes: number): string {
   let value = bytes;
   for (; value >= 1000 && unit + 1 < units.length; unit++) value /= 1000;
   return unit === 0 ? `${bytes} B` : `${value.toFixed(2)} ${units[unit]}`;
+}
+
+/** What a field takes of the device's memory. */
+function memory({ bytes, most, blocks: [held, known] }: Budget): string {
+  const room = held < known ? `; room for ${held} of ${known} blocks, those near the camera` : "";
+  return `${readable(bytes)}, of ${readable(most)}${room}`;
 }
 
 /** Shows an error in plain words, or takes it away. */
@@ -127,6 +139,7 @@ export function showFacts(name: string, field: RadianceField | null, frameTime: 
       ["Bytes", field.arrived < file.fileBytes ? `${readable(field.arrived)} of ${readable(file.fileBytes)}` : readable(file.fileBytes)],
       ["Comes", TRANSFERS[file.transfer]],
     );
+    if (field.budget) rows.push(["Memory", memory(field.budget)]);
   }
   if (frameTime !== null) rows.push(["Frame", `${frameTime.toFixed(1)} ms`]);
   if (statistics && statistics.rays > 0) {

@@ -11,21 +11,25 @@ const WAYS: [Way | null, string][] = [
   ["walk", "Walk"],
 ];
 /** A key of each tool. */
-const KEYS: Record<string, string> = { r: "reset", t: "rotate", v: "way", p: "picture", c: "link", f: "full", "?": "help" };
+const KEYS: Record<string, string> = { r: "reset", t: "rotate", v: "way", m: "measure", p: "picture", c: "link", f: "full", "?": "help" };
 
 const button = (tool: string) => document.querySelector<HTMLButtonElement>(`[data-tool="${tool}"]`)!;
 
-/** Makes the tools work; `name` is that of the file, for pictures of it. */
-export function bindTools(stage: Stage, name: () => string): void {
+/** Turns by itself, or does not. */
+export function setRotation(stage: Stage, isOn: boolean): void {
+  stage.controls.autoRotate = isOn;
+  button("rotate").ariaPressed = String(isOn);
+}
+
+/** Makes the tools work; `name` is that of the file, for pictures of it, and `measure` whether clicks measure from now on. */
+export function bindTools(stage: Stage, name: () => string, measure: () => boolean): void {
   const tools: Record<string, () => void> = {
     reset: () => {
       stage.reset();
       showView(stage);
     },
-    rotate: () => {
-      stage.controls.autoRotate = !stage.controls.autoRotate;
-      button("rotate").ariaPressed = String(stage.controls.autoRotate);
-    },
+    rotate: () => setRotation(stage, !stage.controls.autoRotate),
+    measure: () => (button("measure").ariaPressed = String(measure())),
     way: () => {
       const now = WAYS.findIndex(([way]) => way === stage.way);
       stage.way = WAYS[(now + 1) % WAYS.length][0];
@@ -42,7 +46,11 @@ export function bindTools(stage: Stage, name: () => string): void {
   for (const one of document.querySelectorAll<HTMLButtonElement>("[data-tool]")) one.ariaLabel = one.title;
   button("full").hidden = !document.fullscreenEnabled;
   void navigator.xr?.isSessionSupported("immersive-vr").then((has) => (button("headset").hidden = !has), () => {});
-  page.canvas.addEventListener("keydown", (event) => {
+  page.embed.addEventListener("click", () => void copyFrame(name()));
+  // Keys are for the picture, also before anybody has clicked it.
+  document.addEventListener("keydown", (event) => {
+    if (event.target !== document.body && event.target !== page.canvas) return;
+    if (event.target === document.body && !page.main.classList.contains("empty")) page.canvas.focus();
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
     if (key === "l") page.colors.click();
@@ -69,12 +77,23 @@ function savePicture(name: string): void {
 }
 
 async function copyLink(): Promise<void> {
-  try {
-    await navigator.clipboard.writeText(location.href);
-    say("The link to this view is copied.");
-  } catch {
-    say("The link to this view is in the address bar.");
-  }
+  if (await copied(location.href)) say("The link to this view is copied.");
+  else say("The link to this view is in the address bar.");
+}
+
+/** Copies what shows this view in another page, without tools. */
+async function copyFrame(name: string): Promise<void> {
+  const address = new URL(location.href);
+  address.searchParams.set("ui", "0");
+  const quoted = (text: string) => text.replaceAll("&", "&amp;").replaceAll('"', "&quot;");
+  const frame = `<iframe src="${quoted(address.href)}" title="${quoted(name)}" width="800" height="533" allow="fullscreen; xr-spatial-tracking" loading="lazy"></iframe>`;
+  if (await copied(frame)) say("The code for a page is copied.");
+  else say(frame);
+}
+
+/** Whether the browser lets the page copy. */
+function copied(text: string): Promise<boolean> {
+  return navigator.clipboard ? navigator.clipboard.writeText(text).then(() => true, () => false) : Promise.resolve(false);
 }
 
 async function enter(stage: Stage): Promise<void> {

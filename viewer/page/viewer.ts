@@ -3,12 +3,13 @@
 import { Color, Matrix4, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "../src/device.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
-import { type Opened, openAddress, openFile, release, standpoint, visibleBox } from "../src/stage/opened.js";
+import { type Opened, openAddress, openFile, type OpenOptions, release, standpoint, visibleBox } from "../src/stage/opened.js";
 import { Stage } from "../src/stage/stage.js";
 import { viewpointText } from "../src/stage/viewpoint.js";
 import { ownFile, useOwnWorker } from "./embedded.js";
 import { offerLevels, page, showError, showFacts, showName } from "./panel.js";
-import { bindTools, showView } from "./tools.js";
+import { bindMeasure } from "./measure.js";
+import { bindTools, setRotation, showView } from "./tools.js";
 import { addressedView, fetchCameras, firstView, forgetView, goTo, goToChosen, nameView, openCameras } from "./views.js";
 
 /** What scripts may ask the page; the viewer's own tests do. */
@@ -38,6 +39,7 @@ const COUNT_MS = 250;
 const WIDE = 1000;
 
 let stage: Stage;
+let measuring: ReturnType<typeof bindMeasure>;
 /** Resolves once there is a stage. */
 let started: Promise<void>;
 let opened: Opened | null = null;
@@ -52,8 +54,10 @@ let number = 0;
 let counting = 0;
 /** The view that the page chose. */
 let framed = "";
+/** How files are opened. */
+const options: OpenOptions = {};
 /** What the next chosen file is for. */
-let purpose: (file: File) => Promise<void> = (file) => show(() => openFile(file));
+let purpose: (file: File) => Promise<void> = (file) => show(() => openFile(file, options));
 
 const field = () => opened?.fields[0] ?? null;
 const fields = () => [...(opened?.fields ?? []), ...(other?.fields ?? [])];
@@ -130,6 +134,7 @@ async function show(open: () => Opened | Promise<Opened>, name?: string | null):
   if (!isFirst) forgetView();
   opened = { ...made, name: name || made.name };
   stage.scene.add(made.object);
+  measuring.forget();
   showName(opened.name);
   offerLevels(field());
   paint(null);
@@ -148,6 +153,7 @@ async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
   other = made;
   stage.scene.add(made.object);
   page.split.hidden = page.line.hidden = false;
+  [opened.name, made.name].forEach((name, side) => (page.sides[side].textContent = name));
   showChoices();
   divide();
   if (made.lacks) fail(made.lacks, "without");
@@ -204,8 +210,8 @@ function follow(shown: RadianceField, made: Opened): void {
     isFramed = true;
     if (place) stood.copy(place);
   });
-  shown.addEventListener("progress", ({ arrived }) => {
-    page.progress.value = shown.file ? arrived / shown.file.fileBytes : 0;
+  shown.addEventListener("progress", ({ loaded, total }) => {
+    page.progress.value = total > 0 ? loaded / total : 0;
   });
   shown.addEventListener("failed", ({ error }) => fail(error, shown.file ? "rest" : "file"));
 }
@@ -215,6 +221,7 @@ function drawn(): void {
   const shown = field();
   if (shown && shown.finest !== null) {
     firstPicture ??= shown.arrived;
+    page.poster.hidden = true;
     nameView(stage, framed);
     // Counting draws a small picture of its own, so it waits until nothing moves, and for somebody to look.
     clearTimeout(counting);
@@ -249,14 +256,14 @@ function ask(accept: string, then: (file: File) => Promise<void>): void {
 
 /** A file that was dropped: a camera file, or something to show. */
 async function take(file: File): Promise<void> {
-  if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file));
+  if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file, options));
   await openCameras(file).catch(failViews);
 }
 
 /** Takes files from the first moment on: a browser leaves the page for one that nobody takes. */
 function listenForFiles(): void {
-  page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file)))));
-  page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file))));
+  page.openers.forEach((button) => button.addEventListener("click", () => ask(".mipvog,.glb", (file) => show(() => openFile(file, options)))));
+  page.beside.addEventListener("click", () => ask(".mipvog,.glb", (file) => compare(() => openFile(file, options))));
   page.cameras.addEventListener("click", () => ask(".json", (file) => openCameras(file).catch(failViews)));
   page.chooser.addEventListener("change", () => {
     const file = page.chooser.files?.[0];
@@ -308,7 +315,10 @@ async function start(): Promise<void> {
   stage = new Stage(page.canvas);
   stage.painter.drawn = drawn;
   listen();
-  bindTools(stage, () => opened?.name ?? "picture");
+  const name = () => opened?.name ?? "picture";
+  measuring = bindMeasure(stage, field, name);
+  bindTools(stage, name, () => measuring.toggle());
+  if (new URLSearchParams(location.search).has("autorotate") && !matchMedia("(prefers-reduced-motion: reduce)").matches) setRotation(stage, true);
   offerLevels(null);
   page.panel.open = innerWidth >= WIDE;
 }
@@ -347,17 +357,23 @@ window.__mipvog = {
 
 try {
   const own = ownFile();
+  const asked = new URLSearchParams(location.search);
+  // For frames in other pages.
+  page.main.classList.toggle("bare", asked.get("ui") === "0");
+  const poster = asked.get("poster");
+  if (poster) [page.poster.src, page.poster.hidden] = [poster, false];
   useOwnWorker();
   listenForFiles();
   await (started = start());
-  const asked = new URLSearchParams(location.search);
+  const maxBytes = Number(asked.get("max-bytes"));
+  if (maxBytes > 0) options.maxBytes = maxBytes;
   const [address, beside, cameras] = [asked.get("file"), asked.get("compare"), asked.get("cameras")];
   if (cameras) {
     const startThere = () => opened && standpoint(opened) && viewpointText(stage.viewpoint) === framed && frame();
     void fetchCameras(cameras).then(startThere).catch(failViews);
   }
-  if (address) void show(() => openAddress(address), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside)) : undefined));
-  else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name)) : openAddress(own.address)));
+  if (address) void show(() => openAddress(address, options), asked.get("name")).then(() => (beside ? compare(() => openAddress(beside, options)) : undefined));
+  else if (own) void show(() => ("bytes" in own ? openFile(new File([own.bytes], own.name), options) : openAddress(own.address, options)));
 } catch (cause) {
   fail(cause, "page");
 }

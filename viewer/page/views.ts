@@ -16,9 +16,9 @@ const INSIDE = 0.25;
 let presets: Preset[] = [];
 let waiting = 0;
 
-/** The view that the page's address names. */
+/** The view that the page's address names: a link to it, or what a frame starts with. */
 export function addressedView(): Viewpoint | null {
-  const text = new URLSearchParams(location.hash.slice(1)).get("view");
+  const text = new URLSearchParams(location.hash.slice(1)).get("view") ?? new URLSearchParams(location.search).get("camera");
   return text === null ? null : readViewpoint(text);
 }
 

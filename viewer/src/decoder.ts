@@ -3,7 +3,8 @@
 import { FieldError, REMEDY } from "./errors.js";
 import type { Reply, Request } from "./load/messages.js";
 
-/** Whether the worker's text is in the build as well: in the package, whose users may serve it in ways that lose `worker.js`. */
+/** Whether the worker is a file beside the script; whether its text is in the build: in the package, whose users may serve it in ways that lose `worker.js`. */
+declare const HAS_WORKER_FILE: boolean;
 declare const HAS_WORKER_TEXT: boolean;
 
 /** What makes a worker; where it throws, or the worker's script does not come, the next way is tried. */
@@ -11,7 +12,7 @@ type Way = () => Worker | Promise<Worker>;
 
 const readText = HAS_WORKER_TEXT ? () => import("./load/text.js") : null;
 
-let ways: Way[] = readText ? [beside, () => fromText(readText)] : [beside];
+let ways: Way[] = [...(HAS_WORKER_FILE ? [beside] : []), ...(readText ? [() => fromText(readText)] : [])];
 /** The address of the worker's text; made once, because nobody can tell when the last worker has read it. */
 let textAddress: Promise<string> | null = null;
 /** What TypeScript does not know of trusted types; an address of theirs is taken where a text is. */

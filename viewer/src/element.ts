@@ -1,38 +1,65 @@
 /** `<mipvog-viewer src="scene.mipvog">`: a field in any page, without a line of script. */
 
-import { Color, SRGBColorSpace } from "three";
+import { Color, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "./device.js";
 import { FieldError } from "./errors.js";
 import type { RadianceField } from "./three/field.js";
 import { type Opened, openAddress, release, standpoint, visibleBox } from "./stage/opened.js";
 import { Stage } from "./stage/stage.js";
-import { viewpointText } from "./stage/viewpoint.js";
+import { readViewpoint, type Viewpoint, viewpointText } from "./stage/viewpoint.js";
 
 const STYLE = `
-:host { display: block; position: relative; width: 100%; aspect-ratio: 3 / 2; }
+:host { display: block; position: relative; width: 100%; aspect-ratio: 3 / 2; overflow: hidden; }
 :host([hidden]) { display: none; }
-canvas { position: absolute; inset: 0; width: 100%; height: 100%; touch-action: none; }
+canvas, img { position: absolute; inset: 0; width: 100%; height: 100%; }
+img { object-fit: cover; pointer-events: none; }
+[hidden] { display: none; }
 p { position: absolute; inset: auto 0 0; margin: 0; padding: 0.5em; color: #fff; background: #000c; }
+p button { font: inherit; }
+::slotted([data-position]) { position: absolute; left: 0; top: 0; }
 `;
 
 /** What an element is made of; servers, which draw pages and show nothing, have nothing of the kind. */
 const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
 /** What a picture shows of which nobody says it. */
 const UNNAMED = "A radiance field";
-const ATTRIBUTES = ["src", "background", "alt"] as const;
+/** Attributes that are properties of the same value; those that are there or not; and the rest. */
+const TEXTS = ["src", "background", "alt", "poster"] as const;
+const ATTRIBUTES = [...TEXTS, "camera", "auto-rotate", "disable-zoom", "disable-pan", "distance-limits", "elevation-limits", "touch-action", "max-bytes"] as const;
+
+/** Browsers keep so many contexts of WebGL on a page, of which some are left to others. */
+const MOST_STAGES = 8;
+/** Elements start when they are so near to the window, where they are `loading="lazy"` or gave their stage to another. */
+const NEAR = "200px";
+/** Elements with a stage, the one that was used last at the end; and those that wait for one. */
+const live: MipvogViewer[] = [];
+const waiting = new Set<MipvogViewer>();
 
 /**
- * Attributes, and properties of the same names: `src`, the address of a `.mipvog`, `.glb` or `.gltf`; `background`, a CSS color
- * in place of the one it was trained on; `alt`, what the picture shows. Events: `load` when the first level can be drawn, `error`, whose `detail` is a
- * `FieldError`. An error is shown in the element, too.
+ * Attributes, the first four also properties: `src`, the address of a `.mipvog`, `.glb` or `.gltf`; `background`, a CSS color
+ * in place of the one it was trained on; `alt`, what the picture shows; `poster`, a picture until there is another. `camera`,
+ * position, target and field of view, seven numbers with commas as in the page's address; `auto-rotate`; `disable-zoom`;
+ * `disable-pan`; `distance-limits` from what is looked at, and `elevation-limits` in degrees, two numbers each; `touch-action`, as
+ * in CSS, else `pan-y`; `loading="lazy"`; `max-bytes` of textures. Children with `data-position`, three numbers, lie over this
+ * place of the scene. Events: `load` when the first level can be drawn, `error`, whose `detail` is a `FieldError`. An error is
+ * shown in the element, too.
  */
 export class MipvogViewer extends Base {
   static readonly observedAttributes: readonly string[] = ATTRIBUTES;
   /** Camera, renderer and scene; null until the device is started, and while the element is in no page. */
   stage: Stage | null = null;
   private opened: Opened | null = null;
-  private readonly canvas = document.createElement("canvas");
+  private canvas = document.createElement("canvas");
+  private readonly image = document.createElement("img");
   private readonly message = document.createElement("p");
+  private readonly words = document.createElement("span");
+  /** The element's last picture, while another has its stage. */
+  private still: HTMLCanvasElement | null = null;
+  private kept: Viewpoint | null = null;
+  private isNear = true;
+  private watch: IntersectionObserver | null = null;
+  /** Whether its stage is being made. */
+  private isStarting = false;
   private number = 0;
   /** What was told last: one failure can come in several ways. */
   private failure: unknown = null;
@@ -44,14 +71,30 @@ export class MipvogViewer extends Base {
     // Allowed by a content security policy without inline styles.
     const style = new CSSStyleSheet();
     style.replaceSync(STYLE);
-    this.canvas.tabIndex = 0;
-    this.canvas.setAttribute("role", "application");
-    this.canvas.ariaLabel = UNNAMED;
     this.message.setAttribute("role", "alert");
-    this.message.hidden = true;
+    this.message.hidden = this.image.hidden = true;
+    this.image.alt = "";
+    const again = document.createElement("button");
+    [again.type, again.textContent] = ["button", "Try again"];
+    again.addEventListener("click", () => void (this.stage ? this.load() : this.start()));
+    this.message.append(this.words, " ", again);
     const root = this.attachShadow({ mode: "open" });
     root.adoptedStyleSheets = [style];
-    root.append(this.canvas, this.message);
+    root.append(this.canvas, this.image, document.createElement("slot"), this.message);
+    this.dress();
+    // The page scrolls, unless a hand is on the picture.
+    root.addEventListener("wheel", (event) => {
+      const { ctrlKey, metaKey } = event as WheelEvent;
+      if (this.hasAttribute("disable-zoom") || !(ctrlKey || metaKey || root.activeElement === this.canvas)) event.stopPropagation();
+    }, { capture: true });
+    root.addEventListener("pointerdown", () => this.use(), { capture: true });
+  }
+
+  /** Makes the canvas what it is to those who hear the page, or use keys. */
+  private dress(): void {
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "application");
+    this.canvas.ariaLabel = this.alt || UNNAMED;
   }
 
   /** The fields that are shown. */
@@ -83,46 +126,174 @@ export class MipvogViewer extends Base {
     this.reflect("alt", words);
   }
 
-  private reflect(name: (typeof ATTRIBUTES)[number], value: string | null | undefined): void {
+  get poster(): string {
+    return this.getAttribute("poster") ?? "";
+  }
+
+  set poster(address: string | null) {
+    this.reflect("poster", address);
+  }
+
+  private reflect(name: (typeof TEXTS)[number], value: string | null | undefined): void {
     if (value === null || value === undefined) this.removeAttribute(name);
     else this.setAttribute(name, value);
   }
 
   connectedCallback(): void {
-    for (const name of ATTRIBUTES) {
+    for (const name of TEXTS) {
       // What was set before the element was known hides the property.
       if (!Object.hasOwn(this, name)) continue;
       const value = this[name];
       delete (this as Partial<Record<typeof name, string>>)[name];
       this[name] = value;
     }
-    void this.start();
+    this.isNear = this.getAttribute("loading") !== "lazy";
+    this.watch = new IntersectionObserver((entries) => {
+      this.isNear = entries.at(-1)!.isIntersecting;
+      if (this.isNear) void this.start();
+    }, { rootMargin: NEAR });
+    this.watch.observe(this);
+    this.showPoster();
+    if (this.isNear) void this.start();
   }
 
   /** Makes the stage, on a device that is started: its context would hold the page up where it started one. */
   private async start(): Promise<void> {
+    if (this.stage || this.isStarting) return;
+    this.isStarting = true;
     try {
       await deviceLimits();
       // Meanwhile it may have left the page, or left it and come back.
-      if (!this.isConnected || this.stage) return;
+      if (!this.isConnected || this.stage || !makeRoom(this)) return;
+      if (this.still) this.renew();
       this.stage = new Stage(this.canvas);
+      live.push(this);
+      this.stage.framed = () => this.place();
+      this.stage.rested = () => serveWaiting();
+      this.arrange();
       void this.load();
     } catch (error) {
       this.fail(error);
+    } finally {
+      this.isStarting = false;
     }
   }
 
-  disconnectedCallback(): void {
+  /** Whether its stage can be given to another without a loss: all is there and drawn. */
+  get isAtRest(): boolean {
+    const isLoaded = this.failure !== null || !this.src || this.stage?.hasDrawn === true;
+    return isLoaded && this.stage !== null && this.stage.settled && !this.hasAttribute("auto-rotate") && this.fields.every((field) => field.finest === field.file?.plan.finest && !field.waiting && !field.decoding);
+  }
+
+  get isInView(): boolean {
+    return this.isNear;
+  }
+
+  /** Gives the stage to another element, and shows the picture that it had. */
+  giveUp(): void {
+    if (!this.stage) return;
+    const still = document.createElement("canvas");
+    [still.width, still.height] = [this.canvas.width, this.canvas.height];
+    still.getContext("2d")!.drawImage(this.canvas, 0, 0);
+    still.style.background = this.canvas.style.background;
+    if (viewpointText(this.stage.viewpoint) !== this.framed) this.kept = this.stage.viewpoint;
+    this.end();
+    this.canvas.replaceWith(still);
+    this.still = this.canvas = still;
+    this.dress();
+  }
+
+  /** A canvas has one context for good. */
+  private renew(): void {
+    const canvas = document.createElement("canvas");
+    this.still!.after(canvas);
+    this.canvas = canvas;
+    this.dress();
+  }
+
+  /** There is a stage again. */
+  resume(): void {
+    if (this.isNear) void this.start();
+  }
+
+  /** A hand is on it: it comes last of those that give up their stages. */
+  private use(): void {
+    const at = live.indexOf(this);
+    if (at >= 0) live.push(...live.splice(at, 1));
+    else void this.start();
+  }
+
+  private end(): void {
     this.close();
     this.stage?.dispose();
     this.stage = null;
+    const at = live.indexOf(this);
+    if (at >= 0) live.splice(at, 1);
+  }
+
+  disconnectedCallback(): void {
+    this.watch?.disconnect();
+    waiting.delete(this);
+    if (this.stage) {
+      // The context is of no use to anybody else, and there are few.
+      const canvas = document.createElement("canvas");
+      this.end();
+      this.canvas.replaceWith(canvas);
+      this.canvas = canvas;
+      this.dress();
+    }
+    serveWaiting();
   }
 
   attributeChangedCallback(name: string): void {
     if (name === "alt") this.canvas.ariaLabel = this.alt || UNNAMED;
+    else if (name === "poster") this.showPoster();
+    if (name === "src") this.kept = null;
     if (!this.stage) return;
     if (name === "background") this.paint();
-    else if (name === "src") void this.load();
+    else if (name === "src" || name === "max-bytes") void this.load();
+    else this.arrange();
+  }
+
+  /** Two numbers of an attribute; null where it has others. */
+  private limits(name: string): [number, number] | null {
+    const values = (this.getAttribute(name) ?? "").trim().split(/[\s,]+/).map(Number);
+    return values.length === 2 && values.every(Number.isFinite) && values[0] <= values[1] ? [values[0], values[1]] : null;
+  }
+
+  /** Brings the camera's controls to what the attributes say. */
+  private arrange(): void {
+    const { stage } = this;
+    if (!stage) return;
+    stage.controls.autoRotate = this.hasAttribute("auto-rotate") && !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    stage.controls.enableZoom = !this.hasAttribute("disable-zoom");
+    stage.controls.enablePan = !this.hasAttribute("disable-pan");
+    stage.limits = { distance: this.limits("distance-limits"), elevation: this.limits("elevation-limits") };
+    this.canvas.style.touchAction = this.getAttribute("touch-action") ?? "pan-y";
+    const view = readViewpoint(this.getAttribute("camera") ?? "");
+    if (view && this.opened) stage.viewpoint = view;
+  }
+
+  private showPoster(): void {
+    if (this.poster) this.image.src = this.poster;
+    this.image.hidden = !this.poster || this.stage?.hasDrawn === true;
+  }
+
+  /** Puts children to the places that they name. */
+  private place(): void {
+    const { stage } = this;
+    if (!stage) return;
+    if (stage.hasDrawn && !this.image.hidden) this.image.hidden = true;
+    if (stage.hasDrawn && this.still && this.still !== this.canvas) {
+      this.still.remove();
+      this.still = null;
+    }
+    for (const child of this.querySelectorAll<HTMLElement>(":scope > [data-position]")) {
+      const values = child.dataset.position!.trim().split(/[\s,]+/).map(Number);
+      const at = values.length === 3 && values.every(Number.isFinite) ? stage.project(new Vector3(...values)) : null;
+      child.style.visibility = at ? "" : "hidden";
+      if (at) child.style.transform = `translate(${at[0]}px, ${at[1]}px) translate(-50%, -50%)`;
+    }
   }
 
   private async load(): Promise<void> {
@@ -132,7 +303,8 @@ export class MipvogViewer extends Base {
     if (!address) return;
     let made: Opened | null = null;
     try {
-      made = await openAddress(new URL(address, document.baseURI).href);
+      const maxBytes = Number(this.getAttribute("max-bytes"));
+      made = await openAddress(new URL(address, document.baseURI).href, maxBytes > 0 ? { maxBytes } : {});
       if (own !== this.number || !this.stage) return release(made);
       const shown = made;
       this.opened = shown;
@@ -165,6 +337,11 @@ export class MipvogViewer extends Base {
   /** Looks at all that is to be seen. */
   private frame(stage: Stage, made: Opened): void {
     stage.show(visibleBox(made), standpoint(made));
+    const view = this.kept ?? readViewpoint(this.getAttribute("camera") ?? "");
+    if (view) {
+      stage.viewpoint = view;
+      stage.controls.saveState();
+    }
     this.framed = viewpointText(stage.viewpoint);
   }
 
@@ -191,10 +368,32 @@ export class MipvogViewer extends Base {
     if (cause === this.failure) return;
     this.failure = cause;
     const error = cause instanceof FieldError ? cause : new FieldError(cause instanceof Error ? cause.message : String(cause));
-    this.message.textContent = `${error.message} ${error.remedy}`;
+    this.words.textContent = `${error.message} ${error.remedy}`;
     this.message.hidden = false;
     this.dispatchEvent(new CustomEvent("error", { detail: error }));
   }
+}
+
+/** Whether there is a stage for an element: one that nobody looks at, or is used less, gives up its own. */
+function makeRoom(element: MipvogViewer): boolean {
+  if (live.length >= MOST_STAGES) {
+    const other = live.find((one) => !one.isInView) ?? live.find((one) => one.isAtRest);
+    if (!other) {
+      waiting.add(element);
+      return false;
+    }
+    other.giveUp();
+  }
+  waiting.delete(element);
+  return true;
+}
+
+/** Somebody is done, or has left. */
+function serveWaiting(): void {
+  const [next] = waiting;
+  if (!next || (live.length >= MOST_STAGES && !live.some((one) => one.isAtRest || !one.isInView))) return;
+  waiting.delete(next);
+  next.resume();
 }
 
 if (globalThis.customElements && !customElements.get("mipvog-viewer")) customElements.define("mipvog-viewer", MipvogViewer);
@@ -210,7 +409,8 @@ declare module "react" {
   namespace JSX {
     interface IntrinsicElements {
       /** @ts-ignore as above */
-      "mipvog-viewer": import("react").DetailedHTMLProps<import("react").HTMLAttributes<MipvogViewer>, MipvogViewer> & Partial<Pick<MipvogViewer, "src" | "background" | "alt">>;
+      "mipvog-viewer": import("react").DetailedHTMLProps<import("react").HTMLAttributes<MipvogViewer>, MipvogViewer> & Partial<Pick<MipvogViewer, "src" | "background" | "alt" | "poster">> &
+        { camera?: string; loading?: "lazy" | "eager"; "auto-rotate"?: boolean | ""; "disable-zoom"?: boolean | ""; "disable-pan"?: boolean | ""; "distance-limits"?: string; "elevation-limits"?: string; "touch-action"?: string; "max-bytes"?: string | number };
     }
   }
 }

@@ -34,5 +34,6 @@ export const REMEDY = {
   renderer: "Make a WebGLRenderer.",
   attachments: "Draw it in a pass of its own, with one color attachment.",
   engine: "Make an Engine of Babylon.js, on a device with WebGL 2.",
+  budget: "Allow more by maxBytes, or bake it with fewer nodes.",
   device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",
 } as const;

@@ -4,20 +4,22 @@ import { Decoder } from "./decoder.js";
 import { deviceLimits } from "./device.js";
 import { FieldError, REMEDY } from "./errors.js";
 import type { Metadata } from "./format/metadata.js";
-import { isNested } from "./format/parts.js";
+import { extentOf, isNested, partsOf } from "./format/parts.js";
 import type { Opened } from "./load/loader.js";
 import type { Reply } from "./load/messages.js";
+import type { Look } from "./load/residents.js";
 import type { OwnSource, RequestOptions, Source } from "./load/source.js";
 import { Atlas } from "./render/atlas.js";
 import { WIDEST_LAYER } from "./render/network.js";
 import type { Textures } from "./render/textures.js";
+import { lookOf, type View } from "./render/uniforms.js";
 
 /** The steps of loading. */
 export interface FieldEvents {
   /** Header, metadata and network are there. */
   opened: { metadata: Metadata };
-  /** More bytes have arrived. */
-  progress: { arrived: number };
+  /** More bytes have arrived, of so many that will come; 0 until that is known. */
+  progress: { loaded: number; total: number };
   /** The picture has changed: a level came, or a part of one. Draw again. */
   change: {};
   /** All levels are there. */
@@ -33,12 +35,41 @@ export interface Owner {
   tell<Kind extends keyof FieldEvents>(kind: Kind, event: FieldEvents[Kind]): void;
 }
 
-/** How an address is asked for. */
+/** What keeps count of what is being loaded: a `LoadingManager` of three.js. */
+export interface Manager {
+  itemStart(address: string): void;
+  itemEnd(address: string): void;
+  itemError(address: string): void;
+  resolveURL?(address: string): string;
+}
+
+/** How a field is loaded. */
 export interface FieldOptions {
+  /** Ends loading. What has come is still shown; promises are rejected with the signal's reason. */
+  signal?: AbortSignal;
+  /** Is told of the field, by its address, until its first level is there. */
+  manager?: Manager;
   /** Sent with every request. */
   headers?: HeadersInit;
   credentials?: RequestCredentials;
+  /**
+   * Bytes of textures that the field may take on each device. Where its blocks do not all fit, those near the camera come, and
+   * coarser levels show the others. Without it, a quarter of the device's memory, and 1.5 GiB at most.
+   */
+  maxBytes?: number;
 }
+
+/** What a field takes of a device's memory. */
+export interface Budget {
+  /** Bytes of all textures, and those that they may take. */
+  bytes: number;
+  most: number;
+  /** Blocks on the device, and those that have come. */
+  blocks: [number, number];
+}
+
+/** Of the diagonal of the innermost box, as far as the camera goes before other blocks may be near it; radians that it turns before it sees others. */
+const [MOVED, TURNED] = [0.01, 0.1];
 
 /** Files from this size on are decoded by several workers, and by how many at most. */
 const [HELPED_BYTES, MOST_HELPERS] = [1 << 20, 16];
@@ -52,12 +83,23 @@ export class StreamedField {
   /** Bytes that have arrived. */
   arrived = 0;
   private readonly owners = new Set<Owner>();
+  /** Those who hear what owners hear, but keep nothing. */
+  private readonly watchers = new Set<Owner>();
+  /** Whether everything has come, or will not; whether it is not wanted. */
+  private isDone = false;
+  private isGivenUp = false;
   private content: Opened | null = null;
   /** What each device has, or will have; the first waits for the device that it is for. */
   private atlases: Atlas[] = [];
   private occupied: [number[], number[]] | null = null;
   /** The middle of a world's free space, as shares of its innermost box. */
   private freeShare: number[] | null = null;
+  /** Where not all blocks have room: those that have, and all that have come. */
+  private held: [number, number] | null = null;
+  /** The camera; what the decoder was told of it last, and whether that has not answered. */
+  private camera: Look | null = null;
+  private told: Look | null = null;
+  private isLooking = false;
   private readonly worker = new Decoder();
   /** Workers that help the first to decode. */
   private readonly helpers: Decoder[] = [];
@@ -65,15 +107,16 @@ export class StreamedField {
   private round = 0;
   private failure: FieldError | null = null;
   /** Keeps the promises, or breaks those that are not kept yet. */
-  private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: FieldError) => void };
+  private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: unknown) => void };
 
   /** Loads `source`, the address of a container or its bytes; nothing is told before an owner joins. */
-  constructor(source: Source, { headers, credentials }: FieldOptions = {}) {
-    const own = ownSource(source);
+  constructor(source: Source, { headers, credentials, maxBytes = Infinity, signal, manager }: FieldOptions = {}) {
+    const own = ownSource(source, manager);
+    this.count(own, manager);
     const opened = promise<Metadata>();
     const finished = promise<void>();
     [this.opened, this.finished] = [opened.promise, finished.promise];
-    const reject = (error: FieldError) => {
+    const reject = (error: unknown) => {
       opened.reject(error);
       finished.reject(error);
     };
@@ -92,13 +135,48 @@ export class StreamedField {
       }
     };
     const request: RequestOptions = { ...(headers && { headers: Object.fromEntries(new Headers(headers)) }), ...(credentials && { credentials }) };
-    deviceLimits().then(
-      (device) => this.worker.post({ kind: "load", source: own, request, device }),
+    if (signal?.aborted) this.abort(signal.reason);
+    else signal?.addEventListener("abort", () => this.abort(signal.reason), { once: true });
+    Promise.all([deviceLimits(), own]).then(
+      ([device, own]) => this.worker.post({ kind: "load", source: own, request, device: { ...device, bytes: Math.min(device.bytes, maxBytes) } }),
       (error) => {
         this.terminate();
         this.fail(error);
       },
     );
+  }
+
+  /** Tells a manager when loading begins, and when the first level is there or will not come. */
+  private count(source: OwnSource | Promise<OwnSource>, manager: Manager | undefined): void {
+    if (!manager) return;
+    const name = typeof source === "string" ? source : "radiance field";
+    manager.itemStart(name);
+    const owner: Owner = {
+      begin: () => {},
+      tell: (kind) => {
+        if (kind !== "change" && kind !== "failed") return;
+        this.watchers.delete(owner);
+        if (kind === "failed") manager.itemError(name);
+        manager.itemEnd(name);
+      },
+    };
+    this.watchers.add(owner);
+  }
+
+  /** Somebody does not want it any more. */
+  private abort(reason: unknown): void {
+    if (this.isDone) return;
+    if (this.content) this.worker.post({ kind: "stop" });
+    else this.terminate();
+    this.isDone = this.isGivenUp = true;
+    this.keep.reject(reason);
+    this.fail(new FieldError("Loading was given up.", REMEDY.again));
+  }
+
+  /** Bytes that will be loaded; 0 until that is known. */
+  private get total(): number {
+    const { content } = this;
+    return content ? Math.max(content.prefixes[content.plan.finest], content.plan.finest === 0 ? content.fileBytes : 0, this.arrived) : 0;
   }
 
   /** Shows the field to one more owner. */
@@ -115,11 +193,14 @@ export class StreamedField {
     this.terminate();
     this.keep.reject(new FieldError("The field was given up before all of it was there.", REMEDY.again));
     this.failure = new FieldError("The field was given up.", REMEDY.again);
+    for (const watcher of [...this.watchers]) watcher.tell("failed", { error: this.failure });
     this.free();
   }
 
   private take(reply: Reply): void {
     if (reply.kind === "failed") {
+      // It was given up.
+      if (this.isGivenUp) return;
       // Levels that came before are shown, and may have to come again.
       if (!this.content) this.terminate();
       this.atlases.forEach((atlas) => atlas.expectNothing());
@@ -130,9 +211,10 @@ export class StreamedField {
       this.tell("opened", { metadata: reply.opened.metadata });
     } else if (reply.kind === "progress") {
       this.arrived = reply.arrived;
-      this.tell("progress", { arrived: reply.arrived });
+      this.tell("progress", { loaded: reply.arrived, total: this.total });
     } else if (reply.kind === "done") {
       this.endHelpers();
+      this.isDone = true;
       this.keep.finished();
       this.tell("done", {});
     } else if (reply.kind === "entry") {
@@ -140,6 +222,11 @@ export class StreamedField {
       this.freeShare ??= reply.entry.free;
       for (const atlas of this.wanting(reply.round)) atlas.finish(reply.entry);
       this.tell("change", {});
+    } else if (reply.kind === "residents") {
+      this.held = [reply.held, reply.known];
+      if (!reply.isAnswer) return;
+      this.isLooking = false;
+      this.lookAgain();
     } else if (reply.kind === "begun") {
       for (const atlas of this.wanting(reply.round)) atlas.expect(reply.part);
     } else if (reply.kind === "part") {
@@ -149,7 +236,7 @@ export class StreamedField {
 
   /** The devices that what was asked for in a round is for: those that have not got everything yet. */
   private wanting(round: number): Atlas[] {
-    return round === this.round ? this.atlases.filter((atlas) => !atlas.isWhole) : [];
+    return round === this.round ? this.atlases.filter((atlas) => !atlas.isWhole || this.content?.plan.isPartial) : [];
   }
 
   /** What is in the file; null until it is opened. */
@@ -168,9 +255,35 @@ export class StreamedField {
     return this.atlases.some((atlas) => atlas.waiting);
   }
 
-  /** Whether a level's bytes are there and are being decoded. */
+  /** Whether a level's bytes are there and are being decoded, or blocks near the camera. */
   get decoding(): boolean {
-    return this.atlases.some((atlas) => atlas.decoding);
+    return this.isLooking || this.atlases.some((atlas) => atlas.decoding);
+  }
+
+  /** What the field takes of each device's memory; null until it is opened. */
+  get budget(): Budget | null {
+    if (!this.content) return null;
+    const { metadata, plan } = this.content;
+    const live = this.atlases.map((atlas) => [...atlas.live].reduce((sum, part) => sum + partsOf(metadata)[part].blocks_stored, 0));
+    const whole = Math.max(0, ...live);
+    return { bytes: plan.bytes, most: plan.most, blocks: plan.isPartial ? (this.held ?? [0, 0]) : [whole, whole] };
+  }
+
+  /** The camera sees this: where not all blocks have room, those near it get it, those that it sees before others. */
+  look(view: View): void {
+    if (!this.content?.plan.isPartial) return;
+    this.camera = lookOf(view);
+    this.lookAgain();
+  }
+
+  private lookAgain(): void {
+    const { camera, told, content } = this;
+    if (!camera || !content || this.isLooking) return;
+    const far = MOVED * Math.hypot(...extentOf(content.metadata.bounds));
+    const apart = (a: readonly number[], b: readonly number[]) => Math.hypot(...a.map((value, axis) => value - b[axis]));
+    if (told && apart(camera.place, told.place) <= far && apart(camera.forward, told.forward) <= TURNED && Math.abs(camera.cosine - told.cosine) <= TURNED) return;
+    [this.told, this.isLooking] = [camera, true];
+    this.worker.post({ kind: "look", camera });
   }
 
   /** What a device has, and the finest level that it shows; null before the first upload to it. */
@@ -204,12 +317,12 @@ export class StreamedField {
   upload(gl: WebGL2RenderingContext): boolean {
     if (!this.content) return false;
     const atlas = this.atlasOf(gl, this.content);
-    const before = atlas.live.size;
+    const before = atlas.entered;
     if (!atlas.upload(gl)) {
       this.round++;
       this.worker.post({ kind: "again" });
     }
-    const isChanged = atlas.live.size !== before;
+    const isChanged = atlas.entered !== before;
     if (atlas.waiting || isChanged) this.tell("change", {});
     return isChanged;
   }
@@ -269,33 +382,47 @@ export class StreamedField {
   }
 
   private terminate(): void {
+    this.isLooking = false;
     for (const worker of [this.worker, ...this.helpers]) worker.terminate();
   }
 
   private fail(error: FieldError): void {
+    this.isDone = true;
+    this.isLooking = false;
     this.failure = error;
     this.keep.reject(error);
     this.tell("failed", { error });
   }
 
   private tell<Kind extends keyof FieldEvents>(kind: Kind, event: FieldEvents[Kind]): void {
-    for (const owner of [...this.owners]) owner.tell(kind, event);
+    for (const owner of [...this.owners, ...this.watchers]) owner.tell(kind, event);
   }
 }
 
 /** A source as the worker takes it. A blob's bytes are not copied on their way. */
-function ownSource(source: Source): OwnSource {
-  if (typeof source === "string") return new URL(source, document.baseURI).href;
+function ownSource(source: Source, manager: Manager | undefined): OwnSource | Promise<OwnSource> {
+  if (typeof source === "string" || source instanceof URL) {
+    const address = String(source);
+    return new URL(manager?.resolveURL?.(address) ?? address, document.baseURI).href;
+  }
   if (source instanceof Blob) return source;
+  if (source instanceof Response) return answered(source);
   // Whoever calls from plain script may hand over anything.
   if (source instanceof ArrayBuffer || ArrayBuffer.isView(source)) return new Blob([source]);
-  throw new FieldError("A field is made of a container's address, of its bytes, or of another field.", REMEDY.source);
+  throw new FieldError("A field is made of a container's address, of its bytes, of a server's answer, or of another field.", REMEDY.source);
+}
+
+async function answered(response: Response): Promise<Blob> {
+  if (!response.ok) throw new FieldError(`${response.url || "The server"} answers ${response.status} ${response.statusText}.`, REMEDY.network);
+  return response.blob().catch(() => {
+    throw new FieldError("The server's answer cannot be read: it was read before, or the connection broke.", REMEDY.network);
+  });
 }
 
 /** A promise to be kept elsewhere; nobody has to listen to its failure. */
-function promise<T>(): { promise: Promise<T>; resolve: (value: T) => void; reject: (error: FieldError) => void } {
+function promise<T>(): { promise: Promise<T>; resolve: (value: T) => void; reject: (error: unknown) => void } {
   let resolve!: (value: T) => void;
-  let reject!: (error: FieldError) => void;
+  let reject!: (error: unknown) => void;
   const made = new Promise<T>((yes, no) => ([resolve, reject] = [yes, no]));
   made.catch(() => {});
   return { promise: made, resolve, reject };

@@ -180,7 +180,7 @@ test("what fails is told once, with what to do, and leaves nothing", async () =>
       await new Promise((done) => element.addEventListener("error", done, { once: true }));
       await new Promise((done) => setTimeout(done, 100));
       element.removeEventListener("error", hear);
-      return { errors, fields: element.fields.length, shown: element.shadowRoot!.querySelector("p")!.textContent };
+      return { errors, fields: element.fields.length, shown: element.shadowRoot!.querySelector("p span")!.textContent };
     }, address);
     assert.equal(told.errors.length, 1, name);
     assert.match(told.errors[0], message);
@@ -208,7 +208,7 @@ test("a browser without WebGL 2 is told once, and what to do", async () => {
     element.src = address;
     document.body.append(element);
   }, address);
-  const message = page.locator("mipvog-viewer p");
+  const message = page.locator("mipvog-viewer p span");
   await message.waitFor();
   assert.match(await message.innerText(), /WebGL 2?.* Use a current browser, or switch hardware acceleration on\.$/);
   assert.doesNotMatch(await message.innerText(), /\.\./);
@@ -217,5 +217,134 @@ test("a browser without WebGL 2 is told once, and what to do", async () => {
   await card.waitFor();
   assert.match(await card.innerText(), /Use a current browser/);
   assert.doesNotMatch(await card.innerText(), /\.\./);
+  await page.close();
+});
+
+/** A page with elements, made of their attributes, some of them far down. */
+async function openMany(attributes: Record<string, string>[], style = ""): Promise<{ page: Page; problems: string[] }> {
+  const address = server.offer("tiny.mipvog", readFileSync(join(ROOT, "fixtures", "baked", "tiny.rate.mipvog")));
+  const { page, problems } = await newPage(browser);
+  await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
+  await page.addScriptTag({ path: join("build", "tests", "others", "element.js"), type: "module" });
+  await page.waitForFunction(() => customElements.get("mipvog-viewer"));
+  await page.evaluate(([address, all, style]) => {
+    document.body.innerHTML = all.map((attributes) => `<mipvog-viewer src="${address}" style="${style}" ${Object.entries(attributes).map(([name, value]) => `${name}="${value}"`).join(" ")}></mipvog-viewer>`).join("");
+  }, [address, attributes, style] as const);
+  return { page, problems };
+}
+
+const shown = (page: Page, index = 0) => page.waitForFunction((index) => {
+  const element = document.querySelectorAll("mipvog-viewer")[index];
+  return element.fields[0]?.finest === 0 && element.stage?.settled;
+}, index);
+
+test("the camera starts where it is told, keeps to its limits, and turns by itself", async () => {
+  const { page, problems } = await openMany([{ camera: "3,1,0,0,0,0,50", "distance-limits": "2 3.5", "elevation-limits": "0 45", "disable-pan": "" }]);
+  await shown(page);
+  const told = await page.evaluate(async () => {
+    const [element] = document.querySelectorAll("mipvog-viewer");
+    const stage = element.stage!;
+    const frames = (count: number) => new Promise<void>((done) => requestAnimationFrame(() => (count > 1 ? void frames(count - 1).then(done) : done())));
+    const { position, fov } = stage.viewpoint;
+    const start = [...position.toArray(), fov];
+    const distance = () => stage.camera.position.distanceTo(stage.controls.target);
+    const to = async (x: number, y: number) => {
+      stage.camera.position.set(x, y, 0);
+      await frames(3);
+      return [distance(), (Math.asin(stage.camera.position.y / distance()) * 180) / Math.PI];
+    };
+    const limits = [await to(20, 1), await to(0.5, 0.1), await to(3, -2), await to(0.1, 3)];
+    stage.reset();
+    const back = stage.camera.position.toArray();
+    const isStill = stage.camera.position.x;
+    element.setAttribute("auto-rotate", "");
+    await frames(10);
+    const turned = stage.camera.position.x !== isStill;
+    return { start, limits, back, turned, pan: stage.controls.enablePan };
+  });
+  told.start.forEach((value, i) => assert.ok(Math.abs(value! - [3, 1, 0, 50][i]) < 1e-6));
+  const near = (value: number, wanted: number) => assert.ok(Math.abs(value - wanted) < 0.01, `${value} for ${wanted}`);
+  near(told.limits[0][0], 3.5);
+  near(told.limits[1][0], 2);
+  near(told.limits[2][1], 0);
+  near(told.limits[3][1], 45);
+  told.back.forEach((value, i) => near(value, [3, 1, 0][i]));
+  assert.deepEqual([told.turned, told.pan], [true, false]);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a page scrolls over an element, whose wheel zooms where a hand or a key says so", async () => {
+  const { page, problems } = await openMany([{ tabindex: "-1" }, { "touch-action": "none", "disable-zoom": "" }], "margin-bottom: 1000px");
+  await shown(page);
+  const state = () => page.evaluate(() => [scrollY, document.querySelector("mipvog-viewer")!.stage!.camera.position.length()]);
+  const [, distance] = await state();
+  await page.mouse.move(150, 100);
+  await page.mouse.wheel(0, 60);
+  await page.waitForFunction(() => scrollY > 0);
+  assert.ok(Math.abs((await state())[1] - distance) < 1e-9);
+  await page.evaluate(() => scrollTo(0, 0));
+  await page.mouse.click(150, 100);
+  await page.mouse.wheel(0, -60);
+  await page.waitForFunction((distance) => document.querySelector("mipvog-viewer")!.stage!.camera.position.length() < distance - 1e-3, distance);
+  assert.equal((await state())[0], 0);
+  const actions = await page.evaluate(() => Array.from(document.querySelectorAll("mipvog-viewer"), (one) => getComputedStyle(one.shadowRoot!.querySelector("canvas")!).touchAction));
+  assert.equal(actions[0], "pan-y");
+  await page.evaluate(() => document.querySelectorAll("mipvog-viewer")[1].scrollIntoView());
+  await shown(page, 1);
+  const [action, zooms] = await page.evaluate(() => {
+    const [, second] = document.querySelectorAll("mipvog-viewer");
+    return [second.shadowRoot!.querySelector("canvas")!.style.touchAction, second.stage!.controls.enableZoom];
+  });
+  assert.deepEqual([action, zooms], ["none", false]);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("a lazy element waits until it is near, with its poster", async () => {
+  const poster = "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='3' height='2'><rect width='3' height='2' fill='red'/></svg>";
+  const { page, problems } = await openMany([{}, { loading: "lazy", poster }], "margin-bottom: 1500px");
+  await shown(page);
+  const hidden = () => page.evaluate(() => document.querySelectorAll("mipvog-viewer")[1].shadowRoot!.querySelector("img")!.hidden);
+  assert.deepEqual([await hidden(), await page.evaluate(() => document.querySelectorAll("mipvog-viewer")[1].stage)], [false, null]);
+  await page.evaluate(() => document.querySelectorAll("mipvog-viewer")[1].scrollIntoView());
+  await shown(page, 1);
+  assert.equal(await hidden(), true);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("of more elements than the browser has contexts, each shows its picture, and those in use are live", async () => {
+  const { page, problems } = await openMany(Array.from({ length: 18 }, () => ({})), "display: inline-block; width: 60px");
+  await page.waitForFunction(() => [...document.querySelectorAll("mipvog-viewer")].every((one) => {
+    const canvas = one.shadowRoot!.querySelector("canvas")!;
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d")!;
+    copy.drawImage(canvas, 0, 0);
+    return new Set(new Uint32Array(copy.getImageData(0, 0, canvas.width, canvas.height).data.buffer)).size > 50;
+  }), null, { polling: 500 });
+  const still = await page.evaluate(() => Array.from(document.querySelectorAll("mipvog-viewer")).findIndex((one) => !one.stage));
+  await page.locator("mipvog-viewer").nth(still).click();
+  await shown(page, still);
+  assert.equal(await page.evaluate(() => Array.from(document.querySelectorAll("mipvog-viewer")).filter((one) => one.stage).length), 8);
+  assert.deepEqual(problems.filter((problem) => !/context lost|ReadPixels/i.test(problem)), []);
+  await page.close();
+});
+
+test("children lie over the places that they name", async () => {
+  const { page, problems } = await openMany([{ camera: "3,0,0,0,0,0" }]);
+  await page.evaluate(() => (document.querySelector("mipvog-viewer")!.innerHTML = '<b data-position="0 0 0">middle</b><b data-position="0, 0.5, 0">above</b><b data-position="9 0 0">behind</b>'));
+  await shown(page);
+  await page.waitForFunction(() => document.querySelector<HTMLElement>("b")!.style.transform !== "");
+  const places = await page.evaluate(() => {
+    const box = document.querySelector("mipvog-viewer")!.getBoundingClientRect();
+    return Array.from(document.querySelectorAll("b"), (one) => {
+      const { x, y, width, height } = one.getBoundingClientRect();
+      return [x + width / 2 - box.x - box.width / 2, y + height / 2 - box.y - box.height / 2, getComputedStyle(one).visibility] as const;
+    });
+  });
+  assert.ok(Math.abs(places[0][0]) < 1 && Math.abs(places[0][1]) < 1, `${places[0]}`);
+  assert.ok(Math.abs(places[1][0]) < 1 && places[1][1] < -20, `${places[1]}`);
+  assert.deepEqual(places.map(([, , visibility]) => visibility), ["visible", "visible", "hidden"]);
+  assert.deepEqual(problems, []);
   await page.close();
 });

@@ -69,7 +69,12 @@ async function colors(page: Page): Promise<number> {
 
 async function shows(folder: string, name: string, headers?: Record<string, string>): Promise<void> {
   const { page, problems } = await newPage(browser, { width: 300, height: 200 });
+  const asked: string[] = [];
+  page.on("request", (request) => asked.push(new URL(request.url()).pathname));
   await showsAt(page, problems, `${await serve(page, folder, headers)}/${name}`, "error");
+  // Nothing is asked for twice, but what every worker starts from.
+  const twice = asked.filter((path, at) => asked.indexOf(path) !== at && !path.includes("worker"));
+  assert.deepEqual(twice, [], name);
 }
 
 /** Waits for a picture; nothing that has gone wrong speaks of `trouble`. */
@@ -87,8 +92,31 @@ test("the tarball holds the licence, and nothing that it needs but the framework
   const { dependencies, peerDependencies } = JSON.parse(readFileSync(join(installed, "package.json"), "utf8"));
   assert.deepEqual([dependencies, Object.keys(peerDependencies)], [undefined, ["@babylonjs/core", "@babylonjs/loaders", "three"]]);
   assert.match(readFileSync(join(installed, "LICENSE"), "utf8"), /MIT/);
+  for (const name of ["index", "element", "babylon", "worker"]) {
+    const { sources, sourcesContent } = JSON.parse(readFileSync(join(installed, "build", "package", `${name}.js.map`), "utf8"));
+    assert.equal(sourcesContent.length, sources.length, name);
+  }
   // A package's page knows no other folders.
   assert.doesNotMatch(readFileSync(join(installed, "README.md"), "utf8"), /\]\((?!https:|#)/);
+});
+
+test("the package's files and types are what bundlers and Node.js look for", () => {
+  const run = (name: string, ...parameters: string[]) => spawnSync("node", [join(process.cwd(), "node_modules", name), ...parameters], { encoding: "utf8" });
+  const tarball = join(USER, readdirSync(USER).find((name) => name.endsWith(".tgz"))!);
+  const linted = run("publint/src/cli.js", "run", tarball, "--strict");
+  assert.equal(linted.status, 0, linted.stdout);
+  // The worker is a script alone.
+  const typed = run("@arethetypeswrong/cli/dist/index.js", tarball, "--profile", "esm-only", "--exclude-entrypoints", "worker.js", "--no-emoji");
+  assert.equal(typed.status, 0, typed.stdout);
+});
+
+test("the one script of the package needs no other file but the scene", async () => {
+  const { page, problems } = await newPage(browser, { width: 300, height: 200 });
+  const asked: string[] = [];
+  page.on("request", (request) => asked.push(new URL(request.url()).pathname));
+  page.on("requestfailed", (request) => problems.push(`error: ${request.url()} ${request.failure()!.errorText}`));
+  await showsAt(page, problems, `${await serve(page, USER)}/standalone.html`, "");
+  assert.deepEqual(asked.filter((path) => path.startsWith("/") && !path.endsWith(".mipvog") && path !== "/favicon.ico"), ["/standalone.html", "/node_modules/mipvog-viewer/build/package/mipvog-viewer.js"]);
 });
 
 for (const name of ["import-map.html", "element.html", "model-viewer.html"]) {
@@ -123,6 +151,18 @@ for (const [release, { createServer }] of Object.entries({ 5: viteOldest, 7: vit
   }
 }
 
+test("a page of React that a server has drawn is taken over by the browser, and shows the scene", async () => {
+  const root = join(USER, "next");
+  writeFileSync(join(root, "main.jsx"), 'import { hydrateRoot } from "react-dom/client"; import Page from "./page.jsx"; hydrateRoot(document.getElementById("root"), <Page />);');
+  writeFileSync(join(root, "server.jsx"), 'import { renderToString } from "react-dom/server"; import "mipvog-viewer/element"; import Page from "./page.jsx"; console.log(renderToString(<Page />));');
+  await esbuild.build({ entryPoints: [join(root, "server.jsx")], bundle: true, format: "esm", platform: "node", packages: "external", jsx: "automatic", outfile: join(root, "server.mjs"), logLevel: "error" });
+  const drawn = execFileSync("node", [join(root, "server.mjs")], { encoding: "utf8" }).trim();
+  assert.equal(drawn, '<mipvog-viewer src="scene.mipvog" alt="A toy digger"></mipvog-viewer>');
+  writeFileSync(join(root, "index.html"), `<!doctype html><div id="root">${drawn}</div><script type="module" src="main.jsx"></script>`);
+  await vite.build({ root, configFile: false, logLevel: "error", build: { outDir: "dist" } });
+  await shows(join(root, "dist"), "index.html");
+});
+
 test("a bundle of one script, without the worker beside it, shows the scene", async () => {
   const root = join(USER, "one");
   mkdirSync(root, { recursive: true });
@@ -147,10 +187,10 @@ test("a page that requires trusted types names the package's, and one that does 
 });
 
 test("servers that draw pages import all of it", () => {
-  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/babylon"]';
+  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/babylon", "mipvog-viewer/standalone"]';
   const script = `import manifest from "mipvog-viewer/package.json" with { type: "json" }; const all = await Promise.all(${all}.map((name) => import(name))); console.log(manifest.name, all.map((one) => Object.keys(one).length > 0).join());`;
   const told = execFileSync("node", ["--input-type=module", "--no-warnings", "--eval", script], { cwd: USER, encoding: "utf8" });
-  assert.equal(told.trim(), "mipvog-viewer true,true,true");
+  assert.equal(told.trim(), "mipvog-viewer true,true,true,true");
 });
 
 /** What TypeScript says of a script in a folder. */
@@ -205,7 +245,7 @@ test("the element of the package shows compressed assets, and says what it leave
     const message = await page.evaluate(async () => {
       const element = document.querySelector("mipvog-viewer")!;
       await Promise.all(element.fields.map((field) => field.finished));
-      return element.shadowRoot!.querySelector("p")!.textContent;
+      return element.shadowRoot!.querySelector("p span")!.textContent;
     });
     if (name === "ktx2") assert.match(message!, /Basis Universal/);
     else assert.equal(message, "");

@@ -43,7 +43,7 @@ function withLast(container: Uint8Array, kind: string, level: number): Uint8Arra
 async function load(bytes: Uint8Array<ArrayBuffer>): Promise<number[]> {
   const levels: number[] = [];
   const nothing = () => {};
-  const listener = { opened: nothing, progress: nothing, begun: nothing, part: nothing, entry: ({ part }: { part: number }) => levels.push(part) };
+  const listener = { opened: nothing, progress: nothing, residents: () => {}, begun: nothing, part: nothing, entry: ({ part }: { part: number }) => levels.push(part) };
   await new Loader(new Blob([bytes]), {}, listener).load(DEVICE);
   return levels;
 }

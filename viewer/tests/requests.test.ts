@@ -18,6 +18,7 @@ let asset: string;
 
 before(async () => {
   program("bake", join(ROOT, "fixtures", "trained", "tiny", "fine_last.tar"), "-o", join(folder.path, "field.mipvog"), "--gltf", join(folder.path, "beside.gltf"));
+  program("bake", join(ROOT, "fixtures", "trained", "lego64", "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", join(folder.path, "network.mipvog"));
   await server.start();
   for (const name of ["field.mipvog", "beside.gltf", "beside.bin"]) {
     try {
@@ -64,6 +65,102 @@ test("a field is asked for with headers and credentials of its own", async () =>
   assert.match(ends[0], /answers 401/);
   assert.deepEqual(ends.slice(1), ["whole", "whole"]);
   assert.deepEqual([server.asked[1].cookie, server.asked.at(-1)!.cookie], [true, false]);
+  await close();
+});
+
+test("fields are made of addresses, answers and bytes of every kind, and tell how much has come", async () => {
+  await open("scenes");
+  server.login = null;
+  const ends = await page.evaluate(async (address) => {
+    const bytes = await (await fetch(address)).arrayBuffer();
+    const sources = [new URL(address), await fetch(address), new Blob([bytes]), bytes.slice(), new Uint8Array(bytes), new DataView(bytes)];
+    const ends = [];
+    for (const source of sources) {
+      const field = new window.lib.RadianceField(source);
+      const steps: { loaded: number; total: number }[] = [];
+      field.addEventListener("progress", ({ loaded, total }) => steps.push({ loaded, total }));
+      await field.finished;
+      ends.push(steps.at(-1)!.loaded === bytes.byteLength && steps.at(-1)!.total === bytes.byteLength && steps.every(({ loaded, total }) => total === 0 || loaded <= total));
+      field.dispose();
+    }
+    const wrong = [await fetch(`${address}.not`), await fetch(address)];
+    await wrong[1].text();
+    for (const source of wrong) ends.push(await new window.lib.RadianceField(source).opened.catch((error) => error.message));
+    return ends;
+  }, `${server.origin}/field.mipvog`);
+  assert.deepEqual(ends.slice(0, 6), Array(6).fill(true));
+  assert.match(String(ends[6]), /answers 404/);
+  assert.match(String(ends[7]), /was read before/);
+  await close();
+});
+
+test("a signal ends loading, and a manager of three.js hears of the first level or the failure", async () => {
+  await open("scenes");
+  server.login = null;
+  const told = await page.evaluate(async (address) => {
+    const { THREE, RadianceField } = window.lib;
+    const ending = new AbortController();
+    const failures: string[] = [];
+    const end = (field: InstanceType<typeof RadianceField>) => {
+      field.addEventListener("failed", ({ error }) => failures.push(error.message));
+      return field.finished.then(() => "whole", (error) => (error as Error).name);
+    };
+    const ends = [end(new RadianceField(address, { signal: AbortSignal.abort() }))];
+    const later = new RadianceField(address, { signal: ending.signal });
+    ends.push(end(later));
+    await later.opened;
+    ending.abort(new RangeError());
+    const whole = new AbortController();
+    const kept = new RadianceField(address, { signal: whole.signal });
+    ends.push(end(kept));
+    await kept.finished;
+    // Too late.
+    whole.abort();
+    const heard: string[] = [];
+    const manager = new THREE.LoadingManager(() => heard.push("all"));
+    manager.onError = (name) => heard.push(`no ${name.split("/").pop()}`);
+    manager.setURLModifier((name) => name.replace("named", "field"));
+    const managed = new RadianceField(address.replace("field", "named"), { manager });
+    await new Promise((done) => managed.addEventListener("change", done));
+    await new RadianceField(`${address}.not`, { manager }).opened.catch(() => {});
+    new RadianceField(address, { manager }).dispose();
+    return { ends: await Promise.all(ends), failures, heard };
+  }, `${server.origin}/field.mipvog`);
+  assert.deepEqual(told.ends, ["AbortError", "RangeError", "whole"]);
+  assert.deepEqual(told.failures, ["Loading was given up.", "Loading was given up."]);
+  assert.deepEqual(told.heard, ["all", "no field.mipvog.not", "all", "no field.mipvog", "all"]);
+  await close();
+});
+
+test("the first picture takes two requests, none is broken off, and those that fail are made again", async () => {
+  const large = readFileSync(join(folder.path, "network.mipvog"));
+  const address = server.offer("network.mipvog", large);
+  await open("scenes");
+  server.login = null;
+  const failed: string[] = [];
+  server.ends.length = 0;
+  page.on("requestfailed", (request) => failed.push(`${request.failure()!.errorText} ${request.url()} ${request.headers().range ?? ""}`));
+  const load = () => page.evaluate((address) => new window.lib.RadianceField(address).finished.then(() => "whole", (error) => error.message), address);
+  assert.equal(await load(), "whole");
+  const [, first] = server.ends.splice(0);
+  assert.ok(first < large.length / 15, `${first} of ${large.length}`);
+  await page.waitForTimeout(200);
+  assert.deepEqual(failed, []);
+  // Nothing else comes before it is there.
+  server.gate = first;
+  await page.evaluate((address) => {
+    const field = new window.lib.RadianceField(address);
+    return new Promise<void>((done) => field.addEventListener("change", () => done()));
+  }, address);
+  assert.equal(server.ends.length, 2);
+  server.open(Infinity);
+  server.failing = 1;
+  assert.equal(await load(), "whole");
+  server.starts.length = 0;
+  server.breaking = 1000;
+  assert.equal(await load(), "whole");
+  // What came before it broke did not come again.
+  assert.equal(server.starts[1], 1000);
   await close();
 });
 

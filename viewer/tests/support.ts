@@ -47,6 +47,13 @@ export class CountingServer {
   login: string | null = null;
   /** Requests for files: their paths, and whether each had a cookie. */
   readonly asked: { path: string; cookie: boolean }[] = [];
+  /** How many of the next requests for files are answered by 503. */
+  failing = 0;
+  /** After so many bytes of the next answer to a range, the connection breaks. */
+  breaking: number | null = null;
+  /** Where answers to ranges begin and end, one after the other. */
+  readonly starts: number[] = [];
+  readonly ends: number[] = [];
   /** Headers of every answer. */
   headers: Record<string, string> = {};
   /** Requests of bytes beyond this wait until it grows. */
@@ -113,6 +120,10 @@ export class CountingServer {
       bytes = gzipSync(bytes);
       response.setHeader("Content-Encoding", "gzip");
     }
+    if (this.failing > 0) {
+      this.failing--;
+      return void response.writeHead(503).end();
+    }
     const range = this.ranges ? /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "") : null;
     if (!range) {
       this.sent += bytes.length;
@@ -123,7 +134,11 @@ export class CountingServer {
     this.before(to, () => {
       this.sent += to - from;
       response.writeHead(206, { "Content-Range": `bytes ${from}-${to - 1}/${bytes.length}`, "Content-Length": to - from });
-      response.end(bytes!.subarray(from, to));
+      this.starts.push(from);
+      this.ends.push(to);
+      if (this.breaking === null) return void response.end(bytes!.subarray(from, to));
+      response.write(bytes!.subarray(from, from + this.breaking), () => setTimeout(() => response.destroy(), 100));
+      this.breaking = null;
     });
   }
 }

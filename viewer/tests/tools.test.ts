@@ -218,6 +218,56 @@ test("a file beside another one follows the chosen level and colours, as far as 
   await page.close();
 });
 
+test("a frame has no tools, its own view and a poster, and turns by itself", async () => {
+  server.offer("poster.png", Buffer.from("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4//8/AAX+Av4N70a4AAAAAElFTkSuQmCC", "base64"));
+  const { page, problems } = await newPage(browser, { width: 480, height: 300 });
+  await page.goto(`${server.page("tiny.mipvog", bytes)}&ui=0&autorotate&poster=poster.png&camera=3,1,0,0,0,0,50`);
+  // What turns is never at rest.
+  await page.waitForFunction(() => window.__mipvog?.firstPicture);
+  assert.equal(await page.locator("#panel, #tools").evaluateAll((all) => all.every((one) => getComputedStyle(one).display === "none")), true);
+  assert.equal(await page.evaluate(() => window.__mipvog.stage.controls.autoRotate), true);
+  assert.equal(await page.locator("#poster").isHidden(), true);
+  assert.equal(await page.evaluate(() => window.__mipvog.stage.fov), 50);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+test("keys work before a click, points are measured, and the box around them is an option of the program", async () => {
+  const { page, problems } = await open();
+  await page.evaluate(() => (document.activeElement as HTMLElement).blur());
+  await page.keyboard.press("m");
+  const card = page.locator("#measure");
+  await card.waitFor();
+  for (const [x, y] of [[240, 130], [260, 165]]) await page.mouse.click(x, y);
+  const code = page.locator("#measured code");
+  await code.waitFor();
+  const [line, length] = [await code.innerText(), await card.locator("p").innerText()];
+  const box = /^mipvog-bake transcode tiny\.mipvog --crop=([-\d.e,]+) -o cropped\.mipvog$/.exec(line)![1].split(",").map(Number);
+  assert.equal(box.length, 6);
+  const diagonal = Math.hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
+  assert.ok(diagonal > 0.05 && Math.abs(Number(length.split(": ")[1]) - diagonal) < 1e-2 * diagonal, `${length} of ${diagonal}`);
+  const bounds = await page.evaluate(() => [...window.__mipvog.field!.bounds.min.toArray(), ...window.__mipvog.field!.bounds.max.toArray()]);
+  box.forEach((value, i) => assert.ok(value >= bounds[i % 3] && value <= bounds[3 + (i % 3)]));
+  await page.locator("#unmeasure").click();
+  assert.match(await card.innerText(), /^Click points/);
+  await page.focus("#picture");
+  await page.keyboard.press("m");
+  assert.ok(await card.isHidden());
+  assert.deepEqual(problems.filter((problem) => !problem.includes("ReadPixels")), []);
+  await page.close();
+});
+
+test("the code for a page is a frame with this view", async () => {
+  const { page } = await open("", "reduce");
+  await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.evaluate(() => (document.querySelector<HTMLDetailsElement>("#panel")!.open = true));
+  await page.locator("#embed").click();
+  await page.locator("#said", { hasText: "copied" }).waitFor();
+  const frame = await page.evaluate(() => navigator.clipboard.readText());
+  assert.match(frame, /^<iframe src="http:\/\/127\.0\.0\.1:\d+\/\?file=tiny\.mipvog&amp;ui=0(#view=[-\d.,]+)?" title="tiny\.mipvog" width="800" height="533" allow="fullscreen; xr-spatial-tracking" loading="lazy"><\/iframe>$/);
+  await page.close();
+});
+
 test("two files share a picture, each on its side", async () => {
   server.offer("other.mipvog", readFileSync(OTHER));
   const { page, problems } = await open("&compare=other.mipvog");
@@ -241,6 +291,7 @@ test("two files share a picture, each on its side", async () => {
     });
   };
   const [first, second, both] = [await halves(1000), await halves(0), await halves(500)];
+  assert.deepEqual(await page.locator("#line span").allInnerTexts(), ["tiny.mipvog", "other.mipvog"]);
   assert.ok(first[0] !== second[0] && first[1] !== second[1]);
   assert.ok(both[0] === first[0] && both[1] === second[1]);
   assert.deepEqual(problems, []);

@@ -32,7 +32,7 @@ import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statist
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS, type Textures } from "../render/textures.js";
 import { fieldUniforms, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
-import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
+import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 import { setUniforms } from "./uniforms.js";
 
 /** Raw, so that Babylon.js adds and changes nothing. */
@@ -140,6 +140,11 @@ export class RadianceField extends Mesh {
     return this.streamed.on(this.context)?.finest ?? null;
   }
 
+  /** What the field takes of the device's memory, and what of its blocks has room; null until it is opened. */
+  get budget(): Budget | null {
+    return this.streamed.budget;
+  }
+
   /** The box of everything in local axes. */
   get bounds(): { min: Vector3; max: Vector3 } {
     const { min, max } = this.file ? outerBounds(this.file.metadata) : { min: [0, 0, 0], max: [0, 0, 0] };
@@ -242,6 +247,7 @@ export class RadianceField extends Mesh {
     const output = this.showLevels ? OUTPUT.levels : OUTPUT.color;
     const view = this.sampled?.view ?? viewOf(scene, this.getWorldMatrix().m, this.own!.useLogarithmicDepth);
     const shown = { finest: finest!, fixedLevel, keepsRange, output, ...this.sampled?.shown };
+    if (!this.sampled) this.streamed.look(view);
     setUniforms(this.context, { ...this.uniforms, ...viewUniforms(metadata, view, shown) });
   }
 

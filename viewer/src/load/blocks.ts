@@ -4,6 +4,8 @@ import { FieldError } from "../errors.js";
 import type { Triple } from "../format/metadata.js";
 import { contentSize, inflate } from "../format/zstd.js";
 
+/** In a table: the block is stored, but not on the device. */
+export const ABSENT = 2 ** 31;
 /** Bits of a run's number that say what its blocks are. */
 const KIND_BITS = 4;
 
@@ -89,10 +91,13 @@ export class Blocks {
     return low;
   }
 
-  table(place: (frame: number) => Triple): Uint32Array {
+  /** What the device knows of the blocks: where each lies, 0 where nothing is stored, `ABSENT` where `place` has none. */
+  table(place: (frame: number) => Triple | null): Uint32Array {
     return Uint32Array.from(this.frames, (frame) => {
       if (frame < 0) return 0;
-      const [x, y, z] = place(frame);
+      const found = place(frame);
+      if (!found) return ABSENT;
+      const [x, y, z] = found;
       return (1 << 30) | (z << 20) | (y << 10) | x;
     });
   }

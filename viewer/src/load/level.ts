@@ -39,6 +39,8 @@ export interface DecodedPart {
   color: Uint16Array;
   /** Such bricks of what depends on the direction: anisotropy, then directional brightness; null where no value can. */
   directional: Uint16Array | null;
+  /** The slot of each; null where they follow each other in the order of the level. */
+  slots: Uint32Array | null;
 }
 
 /** Skip distances of the macro cells of a box, of what it shows of a part. */
@@ -50,9 +52,9 @@ export interface Skips {
 /** What a level or a shell is entered into the tables by, after its blocks. */
 export interface LevelEntry {
   part: number;
-  /** The slot of each block: 0 for none, else a set bit 30 and its place in 10 bits along each axis. C order. */
+  /** The slot of each block: 0 for none, `ABSENT`, or else a set bit 30 and its place in 10 bits along each axis. C order. */
   table: Uint32Array;
-  /** Of each box that the part is read in; none where it has no density. */
+  /** Of each box that the part is read in; none where it has no density, or where only the table has changed. */
   skips: Skips[];
   /** Two corners, as shares of box 0, between which the level shows something; null where nobody asked, or without density. */
   occupied: [number[], number[]] | null;
@@ -169,7 +171,7 @@ export class LevelDecoder {
       density = plan.floatLinear ? full : Uint16Array.from(full, toHalf);
     }
     const directional = this.isDirectional ? bricks(DIRECTIONAL_QUADS, [anisotropy, brightness]) : null;
-    return { part: number, first: from, blocks: to - from, side: edge + 1, density, color: bricks(plan.quads, colors), directional };
+    return { part: number, first: from, blocks: to - from, side: edge + 1, density, color: bricks(plan.quads, colors), directional, slots: null };
   }
 
   /** Whether the level has its place in the atlas of what depends on the direction. */
@@ -183,10 +185,10 @@ export class LevelDecoder {
     return this.stored.density ? this.macro.marks : null;
   }
 
-  /** The level's entry, when parts of all of its blocks have set `marks`; with what it shows where `isFraming`. */
-  entry(marks: Uint8Array | null, isFraming: boolean): LevelEntry {
+  /** The level's entry, when parts of all of its blocks have set `marks`; with what it shows where `isFraming`. `slotOf` is null for blocks that have no slot. */
+  entry(marks: Uint8Array | null, isFraming: boolean, slotOf: (frame: number) => number | null = (frame) => this.plan.firstSlot[this.number] + frame): LevelEntry {
     const { metadata, number, plan } = this;
-    const table = this.blocks.table((frame) => slotPlace(plan, plan.firstSlot[number] + frame));
+    const table = this.table(slotOf);
     const skips = marks ? boxesReading(metadata, number).map((box) => ({ box, distances: this.macro.skipDistances(marks, box) })) : [];
     const inner = skips.find(({ box }) => box === 0)?.distances;
     const counts = macroCounts(metadata, 0);
@@ -194,6 +196,14 @@ export class LevelDecoder {
     // Coarse levels fill what is free; the finest one that comes is as good as it gets.
     const least = number === plan.finest ? 1 : Math.max(1, Math.min(...counts) / FREE_ENOUGH);
     return { part: number, table, skips, occupied, free: inner && isNested(metadata) ? freePlace(inner, counts, least) : null };
+  }
+
+  /** The table of the level's blocks. */
+  table(slotOf: (frame: number) => number | null): Uint32Array {
+    return this.blocks.table((frame) => {
+      const slot = slotOf(frame);
+      return slot === null ? null : slotPlace(this.plan, slot);
+    });
   }
 
   /** All colours, for inherited blocks of the next finer level. */

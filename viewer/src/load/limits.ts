@@ -3,8 +3,14 @@
 import { FieldError, REMEDY } from "../errors.js";
 import type { DeviceLimits } from "./plan.js";
 
-/** Bytes of textures that a page should not go beyond. */
-const MOST_BYTES = 1.5 * 2 ** 30;
+/** Bytes of textures that a field should not go beyond, and of the device's memory, where that is known, the share that it may take. */
+const [MOST_BYTES, MEMORY_SHARE] = [1.5 * 2 ** 30, 1 / 4];
+
+/** What a field may take where nobody says how much: browsers tell memory in gigabytes, or not at all. */
+function usualBytes(): number {
+  const { deviceMemory } = navigator as { deviceMemory?: number };
+  return Math.min(MOST_BYTES, (deviceMemory ?? Infinity) * 2 ** 30 * MEMORY_SHARE);
+}
 
 /** Asks the context of a canvas that is for nothing else: it is given back. */
 export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLimits {
@@ -15,5 +21,5 @@ export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLim
   const floatLinear = gl.getExtension("OES_texture_float_linear") !== null;
   const uniforms = gl.getParameter(gl.MAX_FRAGMENT_UNIFORM_VECTORS) as number;
   gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return { side, floatLinear, bytes: MOST_BYTES, uniforms };
+  return { side, floatLinear, bytes: usualBytes(), uniforms };
 }

@@ -14,12 +14,16 @@ import { type Layer, readNetwork } from "../format/network.js";
 import { Crew, decodeShares } from "./crew.js";
 import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, levelEntries, type LevelEntry } from "./level.js";
 import { type DeviceLimits, type Plan, plan } from "./plan.js";
+import { type Change, type Look, resident, Residents, runsOf } from "./residents.js";
 import { type ByteSource, openSource, type OwnSource, type RequestOptions, type Transfer } from "./source.js";
 
 /** The first request: header and directory of every container with a usual number of levels. */
 const FIRST_BYTES = 4096;
 /** Levels up to this share of the file come with the first picture. */
 const FIRST_PICTURE = 1 / 25;
+
+/** Blocks between two that are wanted are decoded with them, up to so many: they may be of one run. */
+const BRIDGED = 64;
 
 /** What is known before the first level. */
 export interface Opened {
@@ -44,8 +48,10 @@ export interface Listener {
   begun(part: number, round: number): void;
   /** Blocks of a level or a shell, in any order; `round` counts the calls of `again`. */
   part(part: DecodedPart, round: number): void;
-  /** All of its blocks have come. */
+  /** All of its blocks have come, or others of them have slots now. */
   entry(entry: LevelEntry, round: number): void;
+  /** Where not all blocks have room: how many have, of those that have come, and whether it is the answer to a look. */
+  residents(held: number, known: number, isAnswer: boolean): void;
 }
 
 /** Levels and shells that come together, as they are in the file from `start` on. */
@@ -68,6 +74,9 @@ export class Loader {
   private round = 0;
   /** Whether a level has told where the field is to be seen. */
   private isFramed = false;
+  /** Where not all blocks have room, those that have; what decodes others, and the skip distances that were found. */
+  private residents: Residents | null = null;
+  private readonly decoders = new Map<number, { decoder: LevelDecoder; entry: LevelEntry }>();
   /** What is being decoded, and waits to be. */
   private queue: Promise<unknown> = Promise.resolve();
 
@@ -118,6 +127,11 @@ export class Loader {
     }
   }
 
+  /** Loads no more; what came stays. */
+  stop(): void {
+    this.source.cancel();
+  }
+
   /** Decodes once more what was loaded. */
   async again(): Promise<void> {
     const { opened } = this;
@@ -138,14 +152,21 @@ export class Loader {
   /** Decodes a piece; the colours that the next one's inherited blocks are made of. */
   private async decode(opened: Opened, { parts, bytes, start, coarser }: Piece): Promise<LevelColors | null> {
     const { metadata, plan } = opened;
-    const { round, listener } = this;
-    const part = (part: DecodedPart) => listener.part(part, round);
+    const { round, listener, residents } = this;
+    const part = (part: DecodedPart) => {
+      const shown = residents ? resident(part, plan, (block) => residents.slotOf(part.part, block)) : part;
+      if (shown) listener.part(shown, round);
+    };
     let colors = coarser;
     const all = partsOf(metadata);
     for (const number of parts) {
       listener.begun(number, round);
       const chunks = levelChunks(this.entries, number, bytes, start, metadata.levels.length);
       const decoder = new LevelDecoder(metadata, plan, number, chunks, colors);
+      if (residents && !this.decoders.has(number)) {
+        residents.add(number, decoder.blocks.places);
+        this.move(residents.settle().filter((change) => change.part !== number));
+      }
       const { blocks_filled: inherited = 0, blocks_stored: blocks } = all[number];
       const isInherited = all.some(({ blocks_filled }, part) => (blocks_filled ?? 0) > 0 && inheritedFrom(metadata, part) === number);
       const helpers = inherited === 0 ? await this.crew.gather(blocks) : [];
@@ -156,13 +177,56 @@ export class Loader {
       } else {
         for (const one of decoder.parts(0, blocks)) part(one);
       }
-      const entry = decoder.entry(marks, !this.isFramed);
+      const entry = decoder.entry(marks, !this.isFramed, residents ? (block) => residents.slotOf(number, block) : undefined);
+      if (residents) {
+        this.decoders.set(number, { decoder, entry });
+        listener.residents(...residents.count, false);
+      }
       this.isFramed ||= entry.occupied !== null;
       listener.entry(entry, round);
       // A shell comes between a level and those that inherit from it.
       if (number < metadata.levels.length) colors = isInherited ? decoder.colors() : null;
     }
     return colors;
+  }
+
+  /** The camera is somewhere else, in the field's axes: where not all blocks have room, those near it get it. */
+  async look(camera: Look): Promise<void> {
+    const { residents, listener } = this;
+    if (!residents) return;
+    residents.look(camera);
+    await this.inTurn(async () => {
+      this.move(residents.settle());
+      listener.residents(...residents.count, true);
+    });
+  }
+
+  /** Brings blocks that have got slots to the device. */
+  private move(changes: Change[]): void {
+    const { listener, round, residents, decoders } = this;
+    if (!residents) return;
+    const enter = (part: number, slotOf: (block: number) => number | null) => {
+      const known = decoders.get(part);
+      if (known) listener.entry({ part, table: known.decoder.table(slotOf), skips: [], occupied: null, free: null }, round);
+    };
+    // Nobody may look for what was in a slot while something else comes into it.
+    for (const { part, gained, hasLost } of changes) {
+      if (!hasLost) continue;
+      const fresh = new Set(gained);
+      enter(part, (block) => (fresh.has(block) ? null : residents.slotOf(part, block)));
+    }
+    for (const { part, gained } of changes) {
+      const known = decoders.get(part);
+      if (!known || gained.length === 0) continue;
+      const fresh = new Set(gained);
+      for (const [from, to] of runsOf(gained, BRIDGED)) {
+        for (const one of known.decoder.parts(from, to)) {
+          const shown = resident(one, this.opened!.plan, (block) => (fresh.has(block) ? residents.slotOf(part, block) : null));
+          if (shown) listener.part(shown, round);
+        }
+      }
+      enter(part, (block) => residents.slotOf(part, block));
+    }
   }
 
   /** Header, directory and the chunks of no level before the first one; all bytes read. */
@@ -175,6 +239,8 @@ export class Loader {
     const header = readHeader(bytes);
     await more(HEADER_BYTES + ENTRY_BYTES * header.chunks);
     this.entries = readDirectory(header, bytes);
+    // All that the first picture takes in one request.
+    await more(this.firstEnd(header.fileBytes));
     const [meta] = this.entries;
     if (meta.kind !== "META") throw new FieldError("The first chunk is not the metadata.");
     await more(meta.offset + meta.bytes);
@@ -185,7 +251,6 @@ export class Loader {
     checkContents(this.entries, metadata, header);
     const prefixes = metadata.levels.map((_, level) => this.prefix(level));
     const available = this.available(prefixes, header.fileBytes);
-    const laidOut = plan(metadata, device, available);
     const first = this.find("TABL", partsFrom(metadata, 0)[0]);
     // All that is not of a level lies before the coarsest one, or is not needed.
     const body = async (kind: string) => {
@@ -197,6 +262,9 @@ export class Loader {
     const shape = networkOf(metadata);
     const network = shape ? readNetwork(shape, await body("VMLP")) : [];
     const mask = metadata.free_space ? readMask(await body("MASK")) : null;
+    const maskBytes = mask ? mask.values.byteLength : 0;
+    const laidOut = plan(metadata, device, available, maskBytes);
+    if (laidOut.isPartial) this.residents = new Residents(metadata, laidOut);
     const { fileBytes } = header;
     this.opened = { metadata, plan: laidOut, network, mask, fileBytes, available, prefixes, transfer: this.source.transfer };
     listener.opened(this.opened);
@@ -231,7 +299,14 @@ export class Loader {
 
   /** Bytes from the file's start after which a part can be decoded: its prefix may hold unknown chunks behind those of finer ones. */
   private end(part: number): number {
-    return Math.max(...levelEntries(this.entries, part).map(paddedEnd));
+    return Math.max(0, ...levelEntries(this.entries, part).map(paddedEnd));
+  }
+
+  /** Where the levels and shells end that come with the first picture, as far as the directory tells. */
+  private firstEnd(fileBytes: number): number {
+    const ends = [...new Set(this.entries.flatMap(({ part }) => part ?? []))].map((part) => this.end(part));
+    const { length } = this.source;
+    return Math.min(length ?? fileBytes, Math.max(Math.min(...ends), ...ends.filter((end) => end <= fileBytes * FIRST_PICTURE)));
   }
 
   private prefix(level: number): number {

@@ -3,16 +3,20 @@
 import type { DecodedPart, LevelEntry } from "./level.js";
 import type { Opened } from "./loader.js";
 import type { DeviceLimits } from "./plan.js";
+import type { Look } from "./residents.js";
 import type { OwnSource, RequestOptions } from "./source.js";
 
 /**
- * Ask the device for its limits; load a container; decode again what was loaded; let the helpers at `ports` decode, too; go on
+ * Ask the device for its limits; load a container; decode again what was loaded; load no more; where not all has room, keep what is near the
+ * camera, at a place in the field's axes; let the helpers at `ports` decode, too; go on
  * without the one of a number; be one, at `port`.
  */
 export type Request =
   | { kind: "device" }
   | { kind: "load"; source: OwnSource; request: RequestOptions; device: DeviceLimits }
   | { kind: "again" }
+  | { kind: "stop" }
+  | { kind: "look"; camera: Look }
   | { kind: "crew"; ports: MessagePort[] }
   | { kind: "left"; helper: number }
   | { kind: "help"; port: MessagePort };
@@ -26,5 +30,6 @@ export type Reply =
   | { kind: "begun"; part: number; round: number }
   | { kind: "part"; part: DecodedPart; round: number }
   | { kind: "entry"; entry: LevelEntry; round: number }
+  | { kind: "residents"; held: number; known: number; isAnswer: boolean }
   | { kind: "done" }
   | { kind: "failed"; message: string; remedy: string };

@@ -12,7 +12,8 @@
 
 import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, channelQuads, finestDirectional, type Metadata, type Triple } from "../format/metadata.js";
-import { partsOf, partsOfLevel } from "../format/parts.js";
+import { partsFrom, partsOf, partsOfLevel } from "../format/parts.js";
+import { macroSides } from "./skip.js";
 
 /** What the device can hold. */
 export interface DeviceLimits {
@@ -20,7 +21,7 @@ export interface DeviceLimits {
   side: number;
   /** Whether textures of 32-bit floats are interpolated by hardware; else density is in 16 bits. */
   floatLinear: boolean;
-  /** Bytes of atlases, at most. */
+  /** Bytes of textures, at most. */
   bytes: number;
   /** Uniforms of four numbers that a fragment shader may have. */
   uniforms: number;
@@ -37,10 +38,13 @@ export interface Plan {
   quads: number;
   /** Slots of the atlas of what depends on the direction along its y; 0 where nothing does. */
   directionalRows: number;
-  /** Slots before the first one of each part. */
+  /** Slots before the first one of each part; none where `isPartial`. */
   firstSlot: number[];
-  /** Bytes of all atlases and the table of blocks. */
+  /** Whether there are fewer slots than blocks, so that blocks get them and lose them as the camera moves. */
+  isPartial: boolean;
+  /** Bytes of all textures, and those that they may take. */
   bytes: number;
+  most: number;
   floatLinear: boolean;
   /** Uniforms of four numbers that the device takes. */
   uniforms: number;
@@ -52,51 +56,140 @@ export const DIRECTIONAL_QUADS = 2;
 /** Slots are numbered in the table of blocks with 10 bits along each axis. */
 const MOST_SLOTS = 1024;
 
-/** Lays out as many levels as fit, coarsest first, down to level `available`. */
-export function plan(metadata: Metadata, device: DeviceLimits, available: number): Plan {
-  const { levels } = metadata;
+/** Of the room for blocks, the share that must be left for them: tables of finer levels than that are not worth it. */
+const LEAST_SHARE = 0.5;
+
+/** What all layouts of a field have in common. */
+interface Measures {
+  quads: number;
+  slot: number;
+  /** Bytes of a texel of both atlases. */
+  texelBytes: number;
+  directional: number | null;
+  /** Slots that lie one behind the other, of the deepest atlas. */
+  deepest: number;
+  /** Bytes beside atlases and tables. */
+  others: number;
+}
+
+/**
+ * Lays out all levels down to `available`, or where they do not fit, coarsest first, as many as do. `others` are bytes of
+ * textures beside those of atlases, tables and skip distances.
+ */
+export function plan(metadata: Metadata, device: DeviceLimits, available: number, others = 0): Plan {
   const quads = channelQuads(metadata);
   const directional = finestDirectional(metadata);
+  const [x, y, z] = macroSides(metadata);
+  const measures: Measures = {
+    quads,
+    slot: Math.max(...partsOf(metadata).map((part) => part.block_size)) + 1,
+    texelBytes: (device.floatLinear ? 4 : 2) + 8 * quads,
+    directional,
+    deepest: directional === null ? quads : Math.max(quads, DIRECTIONAL_QUADS),
+    others: others + 4 * x * y * z,
+  };
+  const whole = planWhole(metadata, device, available, measures);
+  if (whole?.finest === available) return whole;
+  const some = planSome(metadata, device, available, measures) ?? whole;
+  if (some) return some;
+  const blocks = blocksFrom(metadata, metadata.levels.length - 1);
+  const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
+  const least = blocks * measures.slot ** 3 * measures.texelBytes + measures.others;
+  if (least > device.bytes) {
+    throw new FieldError(`This field's coarsest level needs ${megabytes(least)} MB of textures; ${megabytes(device.bytes)} MB are allowed.`, REMEDY.budget);
+  }
+  throw new FieldError(`This field's blocks do not fit in the textures of this device (${device.side} texels a side).`, REMEDY.device);
+}
+
+/** As many levels as fit whole; null where none does. */
+function planWhole(metadata: Metadata, device: DeviceLimits, available: number, { quads, slot, texelBytes, directional, deepest, others }: Measures): Plan | null {
+  const { levels } = metadata;
   const parts = partsOf(metadata);
-  const slot = Math.max(...parts.map((part) => part.block_size)) + 1;
-  const texelBytes = (device.floatLinear ? 4 : 2) + 8 * quads;
   const firstSlot = new Array<number>(parts.length).fill(0);
   let fitting: Plan | null = null;
   let count = 0;
   let directionalSlots = 0;
-  const table: Triple = [0, 0, 0];
   for (let finest = levels.length - 1; finest >= available; finest--) {
     for (const part of partsOfLevel(metadata, finest)) {
-      const [x, y, z] = blockCounts(parts[part]);
-      [table[0], table[1], table[2]] = [table[0] + x, Math.max(table[1], y), Math.max(table[2], z)];
       firstSlot[part] = count;
       count += parts[part].blocks_stored;
     }
     if (directional !== null && finest >= directional) directionalSlots = count;
-    const deepest = directional === null ? quads : Math.max(quads, DIRECTIONAL_QUADS);
     const slots = arrange(Math.max(count, 1), device.side, slot, deepest);
+    const table = tableSides(metadata, finest);
     if (!slots || Math.max(...table) > device.side) break;
-    const tableBytes = 4 * table[0] * table[1] * table[2];
     const directionalRows = Math.ceil(directionalSlots / (slots[0] * slots[2]));
     const directionalBytes = directionalRows * 8 * DIRECTIONAL_QUADS;
-    const bytes = slots[0] * slots[2] * slot ** 3 * (slots[1] * texelBytes + directionalBytes) + tableBytes;
+    const bytes = slots[0] * slots[2] * slot ** 3 * (slots[1] * texelBytes + directionalBytes) + tableBytes(table) + others;
     if (bytes > device.bytes) break;
     const renders = finest === 0 || levels.every((level) => level.density !== null);
-    if (renders) fitting = { finest, slot, slots, quads, directionalRows, firstSlot: [...firstSlot], bytes, floatLinear: device.floatLinear, uniforms: device.uniforms };
+    if (renders) fitting = { finest, slot, slots, quads, directionalRows, firstSlot: [...firstSlot], isPartial: false, bytes, most: device.bytes, floatLinear: device.floatLinear, uniforms: device.uniforms };
   }
-  if (fitting) return fitting;
-  throw new FieldError(`This field's ${count} blocks do not fit in the textures of this device (${device.side} texels a side).`, REMEDY.device);
+  return fitting;
+}
+
+/**
+ * Room for a part of the blocks of all levels, which those near the camera get; null where the coarsest level does not fit.
+ * The finest levels whose tables alone would take too much are left out.
+ */
+function planSome(metadata: Metadata, device: DeviceLimits, available: number, { quads, slot, texelBytes, directional, deepest, others }: Measures): Plan | null {
+  const { levels } = metadata;
+  // Where all levels are drawn with the densities of one, it has to be whole.
+  if (levels.some((level) => level.density === null)) return null;
+  const least = blocksFrom(metadata, levels.length - 1);
+  for (let finest = available; finest < levels.length; finest++) {
+    const table = tableSides(metadata, finest);
+    const room = device.bytes - others - tableBytes(table);
+    if (Math.max(...table) > device.side || room < LEAST_SHARE * (device.bytes - others)) continue;
+    const slotBytes = slot ** 3 * (texelBytes + (directional === null ? 0 : 8 * DIRECTIONAL_QUADS));
+    const slots = arrangeWithin(Math.floor(room / slotBytes), device.side, slot, deepest);
+    const count = slots ? slots[0] * slots[1] * slots[2] : 0;
+    if (!slots || count < least) continue;
+    const bytes = count * slotBytes + tableBytes(table) + others;
+    const directionalRows = directional === null ? 0 : slots[1];
+    return { finest, slot, slots, quads, directionalRows, firstSlot: [], isPartial: true, bytes, most: device.bytes, floatLinear: device.floatLinear, uniforms: device.uniforms };
+  }
+  return null;
+}
+
+/** Stored blocks of all levels and shells from a level on. */
+export function blocksFrom(metadata: Metadata, finest: number): number {
+  return partsFrom(metadata, finest).reduce((sum, part) => sum + partsOf(metadata)[part].blocks_stored, 0);
+}
+
+/** Sides of the table of blocks along the field's axes, from a level on. */
+function tableSides(metadata: Metadata, finest: number): Triple {
+  const counts = partsFrom(metadata, finest).map((part) => blockCounts(partsOf(metadata)[part]));
+  return [counts.reduce((sum, [x]) => sum + x, 0), Math.max(...counts.map(([, y]) => y)), Math.max(...counts.map(([, , z]) => z))];
+}
+
+function tableBytes([x, y, z]: Triple): number {
+  return 4 * x * y * z;
+}
+
+/** Slots along an axis, and along the one where quadruples lie behind each other, at most. */
+function mostSlots(side: number, slot: number, quads: number): [number, number] {
+  const most = Math.min(MOST_SLOTS, Math.floor(side / slot));
+  return [most, Math.min(most, Math.floor(side / (slot * quads)))];
 }
 
 /** Slots along each axis for `count` of them, as near to a cube as fits. */
 function arrange(count: number, side: number, slot: number, quads: number): Triple | null {
-  const most = Math.min(MOST_SLOTS, Math.floor(side / slot));
-  const deepest = Math.min(most, Math.floor(side / (slot * quads)));
+  const [most, deepest] = mostSlots(side, slot, quads);
   if (most < 1 || deepest < 1) return null;
   const z = Math.min(deepest, Math.ceil(Math.cbrt(count)));
   const x = Math.min(most, Math.ceil(Math.sqrt(count / z)));
   const y = Math.ceil(count / (x * z));
   return y <= most ? [x, y, z] : null;
+}
+
+/** Slots along each axis, `count` of them at most. */
+function arrangeWithin(count: number, side: number, slot: number, quads: number): Triple | null {
+  const [most, deepest] = mostSlots(side, slot, quads);
+  if (most < 1 || deepest < 1 || count < 1) return null;
+  const z = Math.min(deepest, Math.floor(Math.cbrt(count)));
+  const x = Math.min(most, Math.floor(Math.sqrt(count / z)));
+  return [x, Math.min(most, Math.floor(count / (x * z))), z];
 }
 
 /** The place of a slot. Slots along z follow each other, so that their bricks, one behind the other, are one box of texels. */

@@ -34,6 +34,22 @@ export function macroCounts(metadata: Metadata, box: number): Triple {
   return boxNodes(metadata, box).map((nodes) => Math.ceil((nodes - 1) / edge)) as Triple;
 }
 
+/** Boxes whose macro cells lie side by side along the field's y; more lie in rows along its z. */
+export const BOXES_BESIDE = 16;
+
+/** Room for the macro cells of any box along the field's axes: along x for a quadruple of levels. */
+export function macroRoom(metadata: Metadata): Triple {
+  const counts = boxesOf(metadata).map((_, box) => macroCounts(metadata, box));
+  return [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis]))) as Triple;
+}
+
+/** Sides of the texture of skip distances, of four bytes a texel, whose x is the field's z. */
+export function macroSides(metadata: Metadata): Triple {
+  const [x, y, z] = macroRoom(metadata);
+  const boxes = boxesOf(metadata).length;
+  return [z * Math.ceil(boxes / BOXES_BESIDE), y * Math.min(boxes, BOXES_BESIDE), x * Math.ceil(metadata.levels.length / 4)];
+}
+
 /** Of the occupied macro cells along an axis, those at each end that may be stray. */
 const STRAY = 0.005;
 

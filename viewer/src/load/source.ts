@@ -2,8 +2,8 @@
 
 import { FieldError, REMEDY } from "../errors.js";
 
-/** A `.mipvog` file: its address, or its bytes. */
-export type Source = string | Blob | ArrayBuffer;
+/** A `.mipvog` file: its address, its bytes, or what a server has answered, which is read whole. */
+export type Source = string | URL | Blob | ArrayBuffer | ArrayBufferView<ArrayBuffer> | Response;
 
 /** The same on its way to the worker. */
 export type OwnSource = string | Blob;
@@ -39,6 +39,7 @@ export function openSource(source: OwnSource, request: RequestOptions): ByteSour
 class MemorySource implements ByteSource {
   readonly transfer = "memory";
   readonly length: number;
+  private isCancelled = false;
 
   constructor(private readonly blob: Blob) {
     this.length = blob.size;
@@ -46,12 +47,22 @@ class MemorySource implements ByteSource {
 
   async read(from: number, to: number, progress: Progress): Promise<Uint8Array<ArrayBuffer>> {
     const bytes = new Uint8Array(await this.blob.slice(from, to).arrayBuffer());
+    if (this.isCancelled) throw new FieldError("Loading was given up.", REMEDY.again);
     progress(from + bytes.length);
     return bytes;
   }
 
-  cancel(): void {}
+  cancel(): void {
+    this.isCancelled = true;
+  }
 }
+
+/** A request that failed is made again after each of these times, in milliseconds. */
+const WAITS = [500, 1500, 4000];
+/** One that brings nothing for so long has failed. */
+const IDLE_MS = 30_000;
+/** Answers of servers that may answer otherwise a little later. */
+const PASSING = [408, 429, 500, 502, 503, 504];
 
 /** HTTP: ranges where the server offers them, else one download that is read as it comes. */
 class HttpSource implements ByteSource {
@@ -70,18 +81,37 @@ class HttpSource implements ByteSource {
     let at = from;
     // A server may answer with less than was asked for.
     while (!this.stream && at < this.end(to)) {
-      const piece = await this.readPart(at, this.end(to), progress);
+      const piece = await this.persist(() => this.readPart(at, this.end(to), progress));
       if (!piece || piece.length === 0) break;
       pieces.push(piece);
       at += piece.length;
     }
-    if (this.stream && at < to) pieces.push(await this.stream.read(to - at, progress));
+    if (this.stream && at < to) {
+      const piece = await this.stream.read(to - at, progress);
+      pieces.push(piece);
+      if (at + piece.length === this.length) await this.stream.end();
+    }
     return joined(pieces);
   }
 
   /** Where a piece that should end at `to` ends. */
   private end(to: number): number {
     return this.length === null ? to : Math.min(to, this.length);
+  }
+
+  /** Tries again what may work a little later. */
+  private async persist<T>(work: () => Promise<T>): Promise<T> {
+    for (const wait of WAITS) {
+      try {
+        return await work();
+      } catch (error) {
+        if (!(error instanceof Unreachable) || this.abort.signal.aborted) throw error;
+        // What nothing has come of may never come: one more try tells.
+        if (this.length === null && wait !== WAITS[0]) throw error;
+        await new Promise((done) => setTimeout(done, wait));
+      }
+    }
+    return work();
   }
 
   /** Bytes from `from` on, at most to `to`; null where there are none, or where all come as one stream from now on. */
@@ -95,7 +125,11 @@ class HttpSource implements ByteSource {
       if (range && Number(range[1]) !== from) throw new FieldError(`The server sent bytes from ${range[1]} instead of ${from}.`, REMEDY.network);
       if (range && range[3] !== "*") this.length = Number(range[3]);
       const count = range ? Number(range[2]) + 1 - from : to - from;
-      return await new Stream(response, from).read(Math.min(count, to - from), progress);
+      const stream = new Stream(response, from);
+      const bytes = await stream.read(Math.min(count, to - from), progress);
+      // What has ended by itself is not broken off afterwards.
+      if (bytes.length === count) await stream.end();
+      return bytes;
     } catch (error) {
       // What is stored compressed can be read whole, but no part of it.
       if (!(error instanceof Unreachable) || from > 0 || this.abort.signal.aborted) throw error;
@@ -125,18 +159,24 @@ class HttpSource implements ByteSource {
     const { headers, ...request } = this.request;
     const range = to === null ? {} : { Range: `bytes=${from}-${to - 1}` };
     let response: Response;
+    const idle = new AbortController();
+    const timer = setTimeout(() => idle.abort(), IDLE_MS);
+    if (this.abort.signal.aborted) idle.abort();
+    this.abort.signal.addEventListener("abort", () => idle.abort(), { once: true });
     try {
-      response = await fetch(this.url, { ...request, headers: { ...headers, ...range }, signal: this.abort.signal });
+      response = await fetch(this.url, { ...request, headers: { ...headers, ...range }, signal: idle.signal });
     } catch {
       const isForeign = new URL(this.url).origin !== self.origin && /^https?:/.test(this.url);
       throw new Unreachable(`${this.url} cannot be reached.`, isForeign ? REMEDY.foreignHost : REMEDY.network);
+    } finally {
+      clearTimeout(timer);
     }
     // A file shorter than the first piece is an unsatisfiable range only if it is empty.
     if (response.status === 416 && from === 0) throw new FieldError("The file is empty.", REMEDY.foreign);
     // A server that hides where parts end can only be asked for more.
     if (response.status === 416 && this.length === null) return null;
     if (response.status === 416) throw new FieldError(`The file ends before byte ${from}: it has changed since it was opened.`, REMEDY.network);
-    if (!response.ok) throw new FieldError(`${this.url} answers ${response.status} ${response.statusText}.`, REMEDY.network);
+    if (!response.ok) throw new (PASSING.includes(response.status) ? Unreachable : FieldError)(`${this.url} answers ${response.status} ${response.statusText}.`, REMEDY.network);
     return response;
   }
 }
@@ -153,6 +193,8 @@ class Stream {
   constructor(
     response: Response,
     private arrived: number,
+    /** Whether the rest can be asked for. */
+    private readonly isPart = response.status === 206,
   ) {
     this.reader = response.body?.getReader();
   }
@@ -163,7 +205,10 @@ class Stream {
     let left = count;
     while (left > 0) {
       if (this.rest.length === 0) {
-        const next = await this.next();
+        const next = await this.next().catch((error: unknown) => {
+          // What came before the connection broke need not come again.
+          if (pieces.length === 0 || !this.isPart) throw error;
+        });
         if (!next) break;
         this.rest = next;
       }
@@ -177,11 +222,22 @@ class Stream {
     return joined(pieces);
   }
 
+  /** Waits for the end of what ends here. */
+  async end(): Promise<void> {
+    const { value } = (await this.reader?.read().catch(() => null)) ?? {};
+    if (value) void this.reader?.cancel().catch(() => {});
+  }
+
   private async next(): Promise<Uint8Array | undefined> {
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    const idle = new Promise<never>((_, fail) => (timer = setTimeout(fail, IDLE_MS)));
     try {
-      return (await this.reader?.read())?.value;
+      return (await Promise.race([this.reader?.read(), idle]))?.value;
     } catch {
+      void this.reader?.cancel().catch(() => {});
       throw new Unreachable("The connection broke while the file was on its way.", REMEDY.network);
+    } finally {
+      clearTimeout(timer);
     }
   }
 }

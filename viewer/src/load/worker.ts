@@ -22,6 +22,7 @@ const listener: Listener = {
   begun: (part, round) => port.postMessage({ kind: "begun", part, round }),
   part: (part, round) => port.postMessage({ kind: "part", part, round }, buffersOf(part)),
   entry: (entry, round) => port.postMessage({ kind: "entry", entry, round }),
+  residents: (held, known, isAnswer) => port.postMessage({ kind: "residents", held, known, isAnswer }),
 };
 
 port.onmessage = async ({ data }) => {
@@ -36,6 +37,10 @@ port.onmessage = async ({ data }) => {
       data.ports.forEach((port) => loader?.crew.add(port));
     } else if (data.kind === "left") {
       loader?.crew.leave(data.helper);
+    } else if (data.kind === "stop") {
+      loader?.stop();
+    } else if (data.kind === "look") {
+      await loader?.look(data.camera);
     } else if (data.kind === "help") {
       help(data.port);
     } else {

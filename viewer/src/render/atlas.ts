@@ -25,6 +25,8 @@ type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry; done: n
 export class Atlas {
   /** Levels and shells whose blocks are all there. */
   readonly live = new Set<number>();
+  /** Counts what was entered. */
+  entered = 0;
   /** The device's context; null before the first upload. */
   gl: WebGL2RenderingContext | null = null;
   /** Of each box, those of four levels a texel, and macro cells along its axes. */
@@ -160,8 +162,9 @@ export class Atlas {
     while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
       const [upload] = this.uploads;
       if ("entry" in upload) {
+        const before = this.entered;
         left -= this.enter(upload, gl, textures);
-        if (!this.live.has(upload.entry.part)) continue;
+        if (this.entered === before) continue;
       } else {
         left -= this.bring(upload, gl, textures);
         if (upload.done < upload.part.blocks) continue;
@@ -175,11 +178,11 @@ export class Atlas {
     const { part, done } = upload;
     const { plan } = this.opened;
     const { slot, slots, quads, firstSlot } = plan;
-    const { side, density, color, directional } = part;
+    const { side, density, color, directional, slots: own } = part;
     const nodes = side ** 3;
-    const [x, y, z] = slotPlace(plan, firstSlot[part.part] + part.first + done);
+    const [x, y, z] = slotPlace(plan, own ? own[done] : firstSlot[part.part] + part.first + done);
     // Bricks that fill their slots lie in a row of slots as they lie in memory.
-    const blocks = side === slot ? Math.min(part.blocks - done, slots[2] - z, UPLOAD_BLOCKS) : 1;
+    const blocks = own ? 1 : side === slot ? Math.min(part.blocks - done, slots[2] - z, UPLOAD_BLOCKS) : 1;
     const put = (z: number, format: number, type: number, values: ArrayBufferView) => {
       gl.texSubImage3D(gl.TEXTURE_3D, 0, x * slot, y * slot, z * slot, side, side, blocks * side, format, type, values);
     };
@@ -225,6 +228,7 @@ export class Atlas {
     gl.bindTexture(gl.TEXTURE_3D, textures.u_table!);
     gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[part], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
     this.live.add(part);
+    this.entered++;
     return table.byteLength;
   }
 

@@ -137,6 +137,11 @@ float opticalDepth(float density, int decode) {
 #endif
 }
 
+#ifdef PARTIAL
+// Whether the block that was located last is stored, but has no slot.
+bool isAbsent;
+#endif
+
 // The texel of a position in the slot of its cell's block; false where the level stores none.
 bool locate(int level, vec3 position, out vec3 texel) {
   ivec3 nodes = u_nodes[level].xyz;
@@ -159,6 +164,9 @@ bool locate(int level, vec3 position, out vec3 texel) {
       placeEven = place;
     }
   }
+#ifdef PARTIAL
+  isAbsent = place >> 31 == 1u;
+#endif
   uvec3 slot = uvec3(place, place >> 10, place >> 20) & 1023u;
   texel = vec3(slot) * float(u_slot) + 0.5 + (at - vec3(block * edge)).zyx;
   // A dense grid stores everything.

@@ -168,13 +168,23 @@ void main() {
       int count = share > 0.0 ? 2 : 1;
       bool fine = false, coarse = false;
       vec3 fineTexel, coarseTexel;
+#ifdef PARTIAL
+      int fineLevel = level, coarseLevel = level + 1;
+#endif
       for (int i = 0; i < count; i++) {
         vec3 texel;
-#ifdef NESTED
-        int part = partOf(level + i);
-        bool stored = locate(part, placeIn(boxOf(part), sampled), texel);
+#ifdef PARTIAL
+        // What is not on the device is shown by the next coarser level that is.
+        int shown = level + i;
+        bool stored;
+        for (; ; shown++) {
+          stored = locate(PART(shown), PLACE(PART(shown)), texel);
+          if (!isAbsent || shown + 1 >= LEVELS) break;
+        }
+        if (i == 0) fineLevel = shown;
+        else coarseLevel = shown;
 #else
-        bool stored = locate(level + i, position, texel);
+        bool stored = locate(PART(level + i), PLACE(PART(level + i)), texel);
 #endif
         if (i == 0) {
           fine = stored;
@@ -190,7 +200,7 @@ void main() {
       bool seen = false;
       float mixed = 0.0;
       for (int i = 0; i < count; i++) {
-        int dense = PART(level + i);
+        int dense = SHOWN(i);
         bool stored = i == 0 ? fine : coarse;
         vec3 texel = i == 0 ? fineTexel : coarseTexel;
 #ifdef SHARED_DENSITY
@@ -234,9 +244,9 @@ void main() {
         for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(0.0);
         for (int i = 0; i < count; i++) {
           vec4 one[QUADS];
-          colorAt(PART(level + i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
+          colorAt(SHOWN(i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
 #ifdef BRIGHTNESS
-          one[0].xyz += addedLogit(PART(level + i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel);
+          one[0].xyz += addedLogit(SHOWN(i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel);
 #endif
 #ifdef BLEND_AFTER
           activate(one);

@@ -19,9 +19,17 @@ vec3 cameraDirection(vec2 pixel) {
 #ifdef NESTED
 #define REGION_LAST regionLast
 #define PART(level) partOf(level)
+#define PLACE(part) placeIn(boxOf(part), sampled)
 #else
 #define REGION_LAST last
 #define PART(level) level
+#define PLACE(part) position
+#endif
+// What is shown of the finer and the coarser level that a sample lies between.
+#ifdef PARTIAL
+#define SHOWN(i) PART((i == 0 ? fineLevel : coarseLevel))
+#else
+#define SHOWN(i) PART(level + i)
 #endif
 
 float entry(vec3 origin, vec3 direction) {

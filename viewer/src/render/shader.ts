@@ -4,12 +4,13 @@ import type { Layer } from "../format/network.js";
 import { type Encoding, finestDirectional, harmonicsOf, hasLevels, type Metadata } from "../format/metadata.js";
 import { boxesOf, isNested, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
+import type { Plan } from "../load/plan.js";
+import { BOXES_BESIDE, macroRoom } from "../load/skip.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
 import nested from "./nested.glsl";
 import { networkSource } from "./network.js";
 import rays from "./rays.glsl";
-import { BOXES_BESIDE, macroRoom } from "./textures.js";
 
 /** Its version, as of the fragment shader, is the first line that a framework puts before it. */
 export const VERTEX = /* glsl */ `
@@ -61,7 +62,7 @@ function glslFloat(value: number): string {
 }
 
 /** What a field fixes at compile time. */
-function defines(metadata: Metadata, quads: number, network: Layer[]): Record<string, string | number> {
+function defines(metadata: Metadata, { quads, isPartial }: Plan, network: Layer[]): Record<string, string | number> {
   const harmonics = harmonicsOf(metadata);
   const directional = finestDirectional(metadata);
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
@@ -70,6 +71,7 @@ function defines(metadata: Metadata, quads: number, network: Layer[]): Record<st
     PARTS: partsOf(metadata).length,
     ...(isNested(metadata) && nestedDefines(metadata)),
     QUADS: quads,
+    ...set("PARTIAL", isPartial),
     STATISTICS: OUTPUT.statistics,
     DISTANCE: OUTPUT.distance,
     TINTS: `vec3[${TINTS.length}](${TINTS.map((tint) => `vec3(${tint.map(glslFloat)})`)})`,
@@ -105,6 +107,6 @@ function nestedDefines(metadata: Metadata): Record<string, string | number> {
 /** The whole shader but its version, with the field's network. */
 export function fragmentShader(opened: Opened): string {
   const { metadata, plan, network } = opened;
-  const fixed = Object.entries(defines(metadata, plan.quads, network)).map(([name, value]) => `#define ${name} ${value}`);
+  const fixed = Object.entries(defines(metadata, plan, network)).map(([name, value]) => `#define ${name} ${value}`);
   return [...fixed, field, networkSource(opened), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n");
 }

@@ -1,10 +1,10 @@
 /** A field's textures in plain WebGL 2, so that every framework on it can draw from them. */
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
-import { boxesOf, levelOfPart, partsOf } from "../format/parts.js";
+import { levelOfPart, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import { DIRECTIONAL_QUADS, type Plan } from "../load/plan.js";
-import { macroCounts } from "../load/skip.js";
+import { BOXES_BESIDE, macroRoom, macroSides } from "../load/skip.js";
 import { packWeights, weighsByUniforms, WEIGHTS_WIDTH } from "./network.js";
 
 /** Names of samplers. That of weights is flat, all others are of volumes. */
@@ -23,15 +23,6 @@ export function tableStarts(metadata: Metadata, { finest }: Plan): number[] {
   return [...starts, depth];
 }
 
-/** Boxes whose macro cells lie side by side along the field's y; more lie in rows along its z. */
-export const BOXES_BESIDE = 16;
-
-/** Room for the macro cells of any box along the field's axes: along x for a quadruple of levels. */
-export function macroRoom(metadata: Metadata): Triple {
-  const counts = boxesOf(metadata).map((_, box) => macroCounts(metadata, box));
-  return [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis]))) as Triple;
-}
-
 /** Where a box's macro cells start along the field's y and z. */
 export function macroStart(metadata: Metadata, box: number): [number, number] {
   const [, y, z] = macroRoom(metadata);
@@ -42,9 +33,6 @@ export function macroStart(metadata: Metadata, box: number): [number, number] {
 export function allocate(gl: WebGL2RenderingContext, opened: Opened): Textures {
   const { metadata, plan, network, mask } = opened;
   const [x, y, z] = plan.slots.map((slots) => slots * plan.slot);
-  const [mx, my, mz] = macroRoom(metadata);
-  const boxes = boxesOf(metadata).length;
-  const [beside, rows] = [Math.min(boxes, BOXES_BESIDE), Math.ceil(boxes / BOXES_BESIDE)];
   const counts = partsOf(metadata).flatMap((part, number) => (levelOfPart(metadata, number) < plan.finest ? [] : [blockCounts(part)]));
   const [, ny, nz] = [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis])));
   const depth = tableStarts(metadata, plan).pop()!;
@@ -53,7 +41,7 @@ export function allocate(gl: WebGL2RenderingContext, opened: Opened): Textures {
       u_density: cleared(gl, volume(gl, [x, y, z], plan.floatLinear ? gl.R32F : gl.R16F, gl.LINEAR), gl.RED, gl.FLOAT, new Float32Array(1)),
       u_color: cleared(gl, volume(gl, [x, y, z * plan.quads], gl.RGBA16F, gl.LINEAR), gl.RGBA, gl.HALF_FLOAT, new Uint16Array(4)),
       u_table: volume(gl, [nz, ny, depth], gl.R32UI, gl.NEAREST),
-      u_skipDistances: volume(gl, [mz * rows, my * beside, mx * Math.ceil(metadata.levels.length / 4)], gl.RGBA8UI, gl.NEAREST),
+      u_skipDistances: volume(gl, macroSides(metadata), gl.RGBA8UI, gl.NEAREST),
     };
     if (plan.directionalRows > 0) {
       const sides = [x, plan.directionalRows * plan.slot, z * DIRECTIONAL_QUADS];

@@ -5,6 +5,7 @@ import { boxesOf, extentOf, isNested, outerBounds, partsOf } from "../format/par
 import { lastSample } from "../format/shells.js";
 import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
+import type { Look } from "../load/residents.js";
 import { boxNodes, macroCounts, macroEdge } from "../load/skip.js";
 import { inverse, isParallel, lensOf, linearPart, type Matrix, product, unturned } from "./matrices.js";
 import { packWeights, weighsByUniforms } from "./network.js";
@@ -109,6 +110,16 @@ function nestedUniforms(metadata: Metadata): Uniforms {
 /** A point as shares of a box. */
 function sharesOf(point: readonly number[], box: Metadata["bounds"]): number[] {
   return extentOf(box).map((extent, axis) => (point[axis] - box.min[axis]) / extent);
+}
+
+/** Where a view's camera is in the field's axes, and what it sees: all, where rays are parallel. */
+export function lookOf({ world, camera, projection }: View): Look {
+  const toLocal = product(inverse(world), camera);
+  const back = toLocal.slice(8, 11);
+  const length = Math.hypot(...back);
+  const [wide, high, aside, above] = lensOf(projection).map(Math.abs);
+  const cosine = isParallel(projection) ? -1 : 1 / Math.hypot(1, wide + aside, high + above);
+  return { place: toLocal.slice(12, 15), forward: back.map((value) => -value / length), cosine };
 }
 
 /** Of depth in clip space, the far end, and the sign towards it. */

@@ -8,6 +8,7 @@ import { isAsset } from "../format/kinds.js";
 import { RadianceField } from "../three/field.js";
 import { RadianceFieldExtension } from "../three/gltf.js";
 import type { Source } from "../load/source.js";
+import type { FieldOptions } from "../streamed.js";
 
 /** Bytes by which a file tells what it is. */
 const FIRST = 64;
@@ -21,19 +22,22 @@ export interface Opened {
   lacks: FieldError | null;
 }
 
+/** How files are opened. */
+export type OpenOptions = Pick<FieldOptions, "maxBytes">;
+
 /** Opens an address; told apart by its ending where it has one of these, so that a container can come in parts, or else by its first bytes. */
-export async function openAddress(address: string): Promise<Opened> {
+export async function openAddress(address: string, options: OpenOptions = {}): Promise<Opened> {
   const name = fileName(address);
   const ending = /\.(mipvog|glb|gltf)$/i.exec(name);
   const isOne = ending ? !/mipvog/i.test(ending[1]) : isAsset(await firstBytes(address));
-  return isOne ? openAsset(name, (loader) => loader.loadAsync(address)) : openField(address, name);
+  return isOne ? openAsset(name, (loader) => loader.loadAsync(address), options) : openField(address, name, options);
 }
 
 /** Opens a file that was dropped or chosen; told apart by its first bytes. */
-export async function openFile(file: File): Promise<Opened> {
+export async function openFile(file: File, options: OpenOptions = {}): Promise<Opened> {
   const head = new Uint8Array(await file.slice(0, FIRST).arrayBuffer());
-  if (isAsset(head)) return openAsset(file.name, (loader) => file.arrayBuffer().then((bytes) => loader.parseAsync(bytes, "")));
-  return openField(file, file.name);
+  if (isAsset(head)) return openAsset(file.name, (loader) => file.arrayBuffer().then((bytes) => loader.parseAsync(bytes, "")), options);
+  return openField(file, file.name, options);
 }
 
 /** Some bytes that a file begins with; none where it cannot be had, which whoever opens it then says. */
@@ -41,6 +45,8 @@ async function firstBytes(address: string): Promise<Uint8Array> {
   const ending = new AbortController();
   try {
     const response = await fetch(address, { headers: { Range: `bytes=0-${FIRST - 1}` }, signal: ending.signal });
+    // A part is read to its end, so that nothing is broken off.
+    if (response.status === 206) return new Uint8Array(await response.arrayBuffer());
     const { value } = response.ok && response.body ? await response.body.getReader().read() : {};
     return value ?? new Uint8Array(0);
   } catch {
@@ -66,19 +72,19 @@ function fileName(address: string): string {
 }
 
 /** A container on its own: training's z becomes the world's y. */
-export function openField(source: Source, name: string): Opened {
-  const field = new RadianceField(source);
+export function openField(source: Source, name: string, options: OpenOptions = {}): Opened {
+  const field = new RadianceField(source, options);
   const object = new Group().add(field);
   object.rotation.x = -Math.PI / 2;
   return { object, fields: [field], name, lacks: null };
 }
 
 /** An asset; `load` runs the loader on it. */
-export async function openAsset(name: string, load: Load): Promise<Opened> {
-  const whole = await loadAsset(name, load, true);
+export async function openAsset(name: string, load: Load, options: OpenOptions = {}): Promise<Opened> {
+  const whole = await loadAsset(name, load, true, options);
   if (!(whole instanceof Undecoded)) return lit(whole);
   // Its fields can be shown, at least.
-  const alone = await loadAsset(name, load, false);
+  const alone = await loadAsset(name, load, false, options);
   if (alone instanceof Undecoded) throw alone.error;
   if (alone.fields.length === 0) throw whole.error;
   return { ...alone, lacks: new FieldError(`${name} is shown without its meshes, which ${whole.decoders} could not decode: ${wordsOf(whole.error)}`, REMEDY.decompress) };
@@ -98,10 +104,10 @@ function wordsOf(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-async function loadAsset(name: string, load: Load, withMeshes: boolean): Promise<Opened | Undecoded> {
+async function loadAsset(name: string, load: Load, withMeshes: boolean, options: OpenOptions): Promise<Opened | Undecoded> {
   const extensions: RadianceFieldExtension[] = [];
   const loader = new GLTFLoader().register((parser) => {
-    const extension = new RadianceFieldExtension(parser);
+    const extension = new RadianceFieldExtension(parser, options);
     extensions.push(extension);
     return extension;
   });

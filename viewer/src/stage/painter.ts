@@ -1,6 +1,6 @@
 /**
  * Pictures in draws that are all short. While something moves, whole pictures of fewer pixels, which are enlarged; at
- * rest, the full one in strips, over what was there. The canvas keeps its size, because browsers wait for the device
+ * rest, a finer one of those, and the full one in strips from the middle on, over what was there. The canvas keeps its size, because browsers wait for the device
  * where it gets another one.
  */
 
@@ -14,6 +14,8 @@ const SMOOTH_MS = 40;
 const PART_MS = 100;
 /** Pixels along a side of what moves, of those of the screen, at least. */
 const COARSEST = 1 / 32;
+/** At rest, a coarser picture than this share gets one as fine as that before the full one, or as fine as is drawn in this time. */
+const [BETWEEN, BETWEEN_MS] = [1 / 4, 400];
 /** Without a move for this long, pictures are sharp again. */
 const REST_MS = 200;
 /** Rows and columns of the smallest part of a picture. */
@@ -44,8 +46,10 @@ export class Painter {
   /** Whether the device has not done yet what it was told. */
   isBusy = false;
   private waits = false;
-  /** Where the next part of the full picture starts; null where it is whole. */
-  private cursor: [number, number] | null = null;
+  /** The rows of the full picture that are there, and columns of the next ones above or below; null where it is whole. */
+  private cursor: { top: number; bottom: number; column: number } | null = null;
+  /** Whether the picture between a coarse and the full one was drawn. */
+  private isBetween = false;
   private spent = 0;
   /** When the last draw began. */
   private began = 0;
@@ -94,17 +98,19 @@ export class Painter {
     this.waits = waits;
     if (this.isBusy || this.renderer.getContext().isContextLost()) return;
     const isMoving = performance.now() - this.moved < REST_MS;
-    if (this.isStale && (isMoving || this.isFresh)) this.drawCoarse();
+    if (this.isStale && (isMoving || this.isFresh)) this.drawCoarse(SMOOTH_MS);
     else if (waits) return;
+    else if (!isMoving && !this.isBetween && this.sharpness < BETWEEN) this.drawCoarse(BETWEEN_MS, BETWEEN);
     else if (this.isStale || (!isMoving && this.sharpness < 1)) this.startFull();
     else if (this.cursor && !isMoving) this.drawPart(this.cursor);
   }
 
-  private drawCoarse(): void {
-    [this.isStale, this.isFresh, this.cursor] = [false, false, null];
+  /** Draws a whole picture that takes about so long, of a share of the pixels along a side at most. */
+  private drawCoarse(time: number, most = 1): void {
+    [this.isStale, this.isFresh, this.cursor, this.isBetween] = [false, false, null, time !== SMOOTH_MS];
     const [width, height] = this.size;
-    const affordable = Math.sqrt(((this.wholeRate ?? 0) * SMOOTH_MS) / (width * height));
-    this.sharpness = Math.min(1, Math.max(COARSEST, affordable));
+    const affordable = Math.sqrt(((this.wholeRate ?? 0) * time) / (width * height));
+    this.sharpness = Math.min(most, Math.max(COARSEST, affordable));
     const [wide, high] = this.size.map((pixels) => Math.max(1, Math.round(pixels * this.sharpness)));
     const now = this.renderer.getSize(new Vector2());
     if (now.x !== width || now.y !== height) this.renderer.setSize(width, height, false);
@@ -123,20 +129,25 @@ export class Painter {
   }
 
   private startFull(): void {
-    [this.isStale, this.sharpness, this.cursor, this.spent] = [false, 1, [0, 0], 0];
+    const middle = Math.floor(this.size[1] / 2 / CELL) * CELL;
+    [this.isStale, this.sharpness, this.cursor, this.spent] = [false, 1, { top: middle, bottom: middle, column: 0 }, 0];
     this.drawPart(this.cursor);
   }
 
-  /** Draws as many cells, from `cursor` on, as may be. */
-  private drawPart([x, y]: [number, number]): void {
+  /** Draws as many cells, below or above what is there, as may be. */
+  private drawPart({ top, bottom, column: x }: { top: number; bottom: number; column: number }): void {
     const [width, height] = this.size;
     // Rows of background say nothing about those of the field, but the whole picture has both.
     const rate = Math.min(this.rate ?? 0, this.wholeRate ?? 0);
     const cells = Math.max(1, Math.floor((rate * PART_MS) / CELL ** 2));
     const rows = Math.floor(cells / Math.ceil(width / CELL));
     const wide = x === 0 && rows > 0 ? width : Math.min(width - x, cells * CELL);
-    const high = Math.min(height - y, wide === width ? Math.max(1, rows) * CELL : CELL);
-    this.cursor = x + wide < width ? [x + wide, y] : y + high < height ? [0, y + high] : null;
+    // What is nearer to the middle comes first.
+    const isBelow = bottom < height && (top === 0 || bottom - height / 2 <= height / 2 - top);
+    const high = Math.min(isBelow ? height - bottom : top, wide === width ? Math.max(1, rows) * CELL : CELL);
+    const y = isBelow ? bottom : top - high;
+    const next = x + wide < width ? { top, bottom, column: x + wide } : { top: isBelow ? top : y, bottom: isBelow ? y + high : bottom, column: 0 };
+    this.cursor = next.top === 0 && next.bottom === height ? null : next;
     const isLast = this.cursor === null;
     this.paint([x, y, wide, high], this.size);
     this.whenDone(wide * high, (time) => {

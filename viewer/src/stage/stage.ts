@@ -44,6 +44,12 @@ export class Stage {
   /** Where a flight goes, from where and when it began. */
   private flight: { from: Vector3; to: Vector3; aside: Vector3; start: number } | null = null;
   private before = performance.now();
+  /** Called after each frame, drawn or not; and when all is drawn. */
+  framed: () => void = () => {};
+  rested: () => void = () => {};
+  private wasSettled = true;
+  /** Limits of the distance from what is looked at, in world units, and of the camera's elevation over it, in degrees; null for the usual ones. */
+  private chosen: { distance: [number, number] | null; elevation: [number, number] | null } = { distance: null, elevation: null };
   /** Ends everything that the stage has begun on its canvas. */
   private readonly ending = new AbortController();
 
@@ -73,6 +79,34 @@ export class Stage {
   /** Draws again as soon as may be; `fresh` shows something coarse at once. */
   redraw(fresh = false): void {
     this.painter.redraw(fresh);
+  }
+
+  /** Whether a field is in the picture. */
+  get hasDrawn(): boolean {
+    let has = false;
+    this.scene.traverse((part) => (has ||= "isRadianceField" in part && (part as RadianceField).finest !== null));
+    return has && this.painter.frameTime !== null;
+  }
+
+  set limits(limits: { distance: [number, number] | null; elevation: [number, number] | null }) {
+    this.chosen = limits;
+    this.limit();
+    this.controls.update();
+  }
+
+  private limit(): void {
+    const { distance, elevation } = this.chosen;
+    const { controls } = this;
+    if (distance) [controls.minDistance, controls.maxDistance] = distance;
+    [controls.minPolarAngle, controls.maxPolarAngle] = elevation ? [1, 0].map((end) => ((90 - elevation[end]) * Math.PI) / 180) : [0, Math.PI];
+  }
+
+  /** Where a place of the scene is on the canvas, in pixels of the page; null behind the camera. */
+  project(place: Vector3): [number, number] | null {
+    this.camera.updateMatrixWorld();
+    if (place.clone().applyMatrix4(this.camera.matrixWorldInverse).z >= 0) return null;
+    const { x, y } = place.clone().project(this.camera);
+    return [((x + 1) / 2) * this.canvas.clientWidth, ((1 - y) / 2) * this.canvas.clientHeight];
   }
 
   /** Whether the picture shows all there is. */
@@ -167,6 +201,7 @@ export class Stage {
     const { radius } = room;
     [this.camera.near, this.camera.far] = [radius / 1000, radius * 100];
     [this.controls.minDistance, this.controls.maxDistance] = [radius / 1000, radius * 4];
+    this.limit();
     this.resize();
     this.camera.position.copy(room.standpoint);
     this.controls.target.copy(room.target);
@@ -207,6 +242,7 @@ export class Stage {
     this.controls.target.copy(center);
     this.controls.minDistance = radius / 100;
     this.controls.maxDistance = radius * 50;
+    this.limit();
     this.controls.saveState();
     this.controls.update();
     this.redraw(true);
@@ -295,6 +331,8 @@ export class Stage {
     this.observer.disconnect();
     this.controls.dispose();
     this.renderer.dispose();
+    // Browsers keep few contexts, and take away the oldest ones.
+    this.renderer.forceContextLoss();
   }
 
   /** Pixels of the full picture. */
@@ -329,6 +367,10 @@ export class Stage {
     if (this.room?.keep(this.camera.position, this.controls.target)) this.painter.move();
     // A device that is told more than it can do makes the page wait.
     if (!this.painter.isBusy) this.painter.draw(this.upload(this.scene));
+    this.framed();
+    const isSettled = this.settled;
+    if (isSettled && !this.wasSettled) this.rested();
+    this.wasSettled = isSettled;
   }
 
   /** Brings decoded blocks of all fields in an object to the device, a few milliseconds of them; whether more are there or on their way from the decoders. */

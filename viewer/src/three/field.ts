@@ -36,7 +36,7 @@ import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statist
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS } from "../render/textures.js";
 import { fieldUniforms, type Shown, viewUniforms } from "../render/uniforms.js";
-import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
+import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 import { attachments, isWebGL, NOWHERE, viewOf } from "./view.js";
 
 /** What `RadianceField` tells, beside what all objects of three.js tell. */
@@ -122,6 +122,11 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    */
   upload(renderer: WebGLRenderer): boolean {
     return this.streamed.upload(renderer.getContext() as WebGL2RenderingContext);
+  }
+
+  /** What the field takes of the device's memory, and what of its blocks has room; null until it is opened. */
+  get budget(): Budget | null {
+    return this.streamed.budget;
   }
 
   /** The finest level that is shown; null before the first picture. */
@@ -312,6 +317,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const { keepsRange, fixedLevel } = this;
     const view = viewOf(camera, object.matrixWorld.elements, renderer);
     const uniforms = viewUniforms(file.metadata, view, { finest, fixedLevel, keepsRange, ...shown });
+    if (!this.sampled) this.streamed.look(view);
     for (const [name, value] of Object.entries(uniforms)) material.uniforms[name].value = value;
     material.uniformsNeedUpdate = true;
   }

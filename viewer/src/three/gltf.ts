@@ -17,7 +17,11 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   private readonly fields: RadianceField[] = [];
   private isDisposed = false;
 
-  constructor(private readonly parser: GLTFParser) {}
+  /** Fields may take `maxBytes` of textures each. */
+  constructor(
+    private readonly parser: GLTFParser,
+    private readonly options: Pick<FieldOptions, "maxBytes"> = {},
+  ) {}
 
   /** Gives up the fields of an asset that could not be loaded, which nobody else can reach; those that were to come, too. */
   dispose(): void {
@@ -56,13 +60,12 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
   private async source(reference: FieldReference): Promise<string | ArrayBuffer> {
     const place = placeOf(this.parser.json, reference);
     if ("bufferView" in place) return this.parser.getDependency("bufferView", place.bufferView) as Promise<ArrayBuffer>;
-    const { manager, path } = this.parser.options;
-    return manager.resolveURL(LoaderUtils.resolveURL(place.uri, path));
+    return LoaderUtils.resolveURL(place.uri, this.parser.options.path);
   }
 
   /** Containers are asked for as the loader asks for buffers. */
   private request(): FieldOptions {
     const { requestHeader, withCredentials } = this.parser.fileLoader as FileLoader;
-    return { headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
+    return { ...this.options, manager: this.parser.options.manager, headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };
   }
 }
