@@ -128,16 +128,23 @@ export class CountingServer {
   }
 }
 
+const QUIET = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+
 /** Chromium from the system, drawing in software, or by what `ANGLE` names: "gl-egl" or "vulkan" for a graphics card. */
 export async function launch(more: string[] = []): Promise<Browser> {
   const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
   const angle = process.env.ANGLE ?? "swiftshader";
   const backend = { swiftshader: ["--enable-unsafe-swiftshader"], vulkan: ["--enable-features=Vulkan", "--disable-vulkan-surface"] }[angle] ?? [];
-  const quiet = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
   return chromium.launch({
     executablePath,
-    args: ["--no-sandbox", "--use-gl=angle", `--use-angle=${angle}`, "--ignore-gpu-blocklist", ...backend, ...quiet, ...more],
+    args: ["--no-sandbox", "--use-gl=angle", `--use-angle=${angle}`, "--ignore-gpu-blocklist", ...backend, ...QUIET, ...more],
   });
+}
+
+/** Chromium with an adapter for WebGPU that draws in software. It shows nothing of what is drawn on canvases. */
+export async function launchWebGPU(): Promise<Browser> {
+  const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+  return chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--enable-unsafe-swiftshader", ...QUIET] });
 }
 
 /** A page that remembers what went wrong in it. */
@@ -156,7 +163,7 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
 export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
   await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
   await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
-  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon"].some((name) => name in window));
+  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon", "gpu"].some((name) => name in window));
 }
 
 /** Takes the graphics device from the page; what gives it back. */

@@ -27,11 +27,12 @@ import type { Metadata } from "../format/metadata.js";
 import { outerBounds } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
+import { glDevice } from "../render/glDevice.js";
 import { inverse, lookingAlong, product } from "../render/matrices.js";
 import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
 import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
 import { SAMPLERS, type Textures } from "../render/textures.js";
-import { fieldUniforms, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
+import { fieldUniforms, logarithmOf, NO_LOGARITHM, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
 import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 import { setUniforms } from "./uniforms.js";
 
@@ -137,7 +138,7 @@ export class RadianceField extends Mesh {
 
   /** The finest level that is shown; null before the first picture. */
   get finest(): number | null {
-    return this.streamed.on(this.context)?.finest ?? null;
+    return this.streamed.on(glDevice(this.context))?.finest ?? null;
   }
 
   /** The box of everything in local axes. */
@@ -156,7 +157,7 @@ export class RadianceField extends Mesh {
    * changed.
    */
   upload(): boolean {
-    const isChanged = this.streamed.upload(this.context);
+    const isChanged = this.streamed.upload(glDevice(this.context));
     this.wrap();
     return isChanged;
   }
@@ -178,7 +179,7 @@ export class RadianceField extends Mesh {
     const camera = lookingAlong(turned(origin), turned(Vector3.TransformNormal(ray.direction, world).normalize()));
     const place = product(right === 1 ? SAME : MIRROR_X, world.m);
     const found = new PickingInfo();
-    const point = this.finest === null ? null : this.pointOf({ world: place, camera, projection: RAY_PROJECTION, viewport: [], isLinear: false, depth: [0.5, 0.5], logarithm: 0 });
+    const point = this.finest === null ? null : this.pointOf({ world: place, camera, projection: RAY_PROJECTION, viewport: [], isLinear: false, depth: [0.5, 0.5], logarithm: NO_LOGARITHM });
     if (!point) return found;
     [found.hit, found.pickedMesh, found.pickedPoint, found.distance] = [true, this, point, Vector3.Distance(origin, point)];
     return found;
@@ -277,14 +278,14 @@ export class RadianceField extends Mesh {
   }
 
   /** Lets Babylon.js draw from textures that it did not make, and from no others. */
-  private wrap(handles = this.streamed.on(this.context)?.textures ?? null): void {
+  private wrap(handles = this.streamed.on(glDevice(this.context))?.textures ?? null): void {
     if (handles === (this.wrapped?.handles ?? null)) return;
     for (const texture of this.wrapped?.textures ?? []) {
       // Handles are freed by who made them, and may be those of a lost device.
       texture.getInternalTexture()?._hardwareTexture?.reset();
       texture.dispose();
     }
-    this.wrapped = handles && { handles, textures: Object.entries(handles).map(([name, handle]) => this.wrapOne(name, handle)) };
+    this.wrapped = handles && { handles, textures: Object.entries(handles).map(([name, { handle }]) => this.wrapOne(name, handle as WebGLTexture)) };
   }
 
   private wrapOne(name: string, handle: WebGLTexture): BaseTexture {
@@ -322,6 +323,6 @@ function viewOf(scene: Scene, world: ArrayLike<number>, isLogarithmic: boolean):
     // Then a pass of its own makes the picture's values display-referred.
     isLinear: scene.imageProcessingConfiguration.applyByPostProcess,
     depth: [0.5, 0.5],
-    logarithm: isLogarithmic ? 1 / Math.log2(scene.activeCamera!.maxZ + 1) : 0,
+    logarithm: isLogarithmic ? logarithmOf(scene.activeCamera!.maxZ) : NO_LOGARITHM,
   };
 }
