@@ -51,6 +51,7 @@ export class CountingServer {
   headers: Record<string, string> = {};
   /** Requests of bytes beyond this wait until it grows. */
   gate = Infinity;
+  private tell: (told: unknown) => void = () => {};
   private readonly waiting: { to: number; go: () => void }[] = [];
   private readonly files = new Map<string, Buffer>();
   private readonly server = createServer((request, response) => this.answer(request, response));
@@ -92,8 +93,23 @@ export class CountingServer {
     else this.waiting.push({ to, go });
   }
 
+  /** The next thing that a page tells by a request of its own. */
+  told(): Promise<unknown> {
+    return new Promise((tell) => (this.tell = tell));
+  }
+
+  private take(request: IncomingMessage, response: ServerResponse): void {
+    const parts: Buffer[] = [];
+    request.on("data", (part: Buffer) => parts.push(part));
+    request.on("end", () => {
+      this.tell(JSON.parse(Buffer.concat(parts).toString()));
+      response.writeHead(204).end();
+    });
+  }
+
   private answer(request: IncomingMessage, response: ServerResponse): void {
     const path = new URL(request.url ?? "/", this.origin).pathname;
+    if (request.method === "POST") return this.take(request, response);
     let bytes = this.files.get(path);
     for (const [name, value] of Object.entries(this.headers)) response.setHeader(name, value);
     if (!bytes) {
@@ -106,6 +122,8 @@ export class CountingServer {
       response.writeHead(200, { "Content-Type": TYPES[name.split(".")[1]] }).end(readFileSync(file));
       return;
     }
+    // Firefox runs no script of another type.
+    if (path.endsWith(".js")) response.setHeader("Content-Type", TYPES.js);
     if (request.method === "OPTIONS") return void response.writeHead(204).end();
     this.asked.push({ path, cookie: request.headers.cookie !== undefined });
     if (this.login !== null && request.headers.authorization !== this.login && !path.endsWith(".html")) return void response.writeHead(401).end();
@@ -163,7 +181,7 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
 export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
   await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
   await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
-  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon", "gpu"].some((name) => name in window));
+  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon", "gpu", "drawBoth"].some((name) => name in window));
 }
 
 /** Takes the graphics device from the page; what gives it back. */

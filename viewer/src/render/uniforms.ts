@@ -48,6 +48,10 @@ export interface Shown {
 /** Where depth is not logarithmic. */
 export const NO_LOGARITHM = [0, 0, 0] as const;
 
+const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+/** Before the first picture. */
+export const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: NO_LOGARITHM };
+
 /** That of a distance and 1, up to that of the far plane, as WebGL's frameworks have it. */
 export function logarithmOf(far: number): [number, number, number] {
   return [1 / Math.log2(far + 1), 1, 1];

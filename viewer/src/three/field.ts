@@ -28,10 +28,10 @@ import type { Source } from "../load/source.js";
 import { lookingAlong } from "../render/matrices.js";
 import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
 import { OUTPUT } from "../render/shader.js";
-import { fieldUniforms, type Shown, type View, viewUniforms } from "../render/uniforms.js";
+import { fieldUniforms, NOWHERE, type Shown, type View, viewUniforms } from "../render/uniforms.js";
 import { type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 import { FieldMaterial, type Draw } from "./material.js";
-import { type AnyRenderer, attachments, deviceOf, isWebGL, NOWHERE } from "./view.js";
+import { type AnyRenderer, attachments, deviceOf, isWebGL } from "./view.js";
 import { gpuDrawing } from "./drawing.js";
 
 /** What `RadianceField` tells, beside what all objects of three.js tell. */

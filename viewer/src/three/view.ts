@@ -32,10 +32,6 @@ export function attachments(target: object | null): number {
   return textures?.length ?? (Array.isArray(texture) ? texture.length : 1);
 }
 
-/** Before the first picture. */
-const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-export const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: NO_LOGARITHM };
-
 /** The values that what a renderer draws into takes. */
 function colorSpaceOf(renderer: WebGLRenderer): string {
   const target = renderer.getRenderTarget() as (WebGLRenderTarget & { isXRRenderTarget?: boolean }) | null;

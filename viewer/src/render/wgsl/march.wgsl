@@ -31,8 +31,8 @@ fn marchRay(pixel: vec2f) -> Marched {
   var start = origin + direction * t0;
   var perStep = direction * tStep;
   for (var i = 0; i < 2; i++) {
-    // Rows of WebGPU go downward.
-    let shift = select(vec2f(0.0, u_halfPixel()), vec2f(u_halfPixel(), 0.0), i == 0);
+    // Rows go downward where the viewport's height is negative.
+    let shift = select(vec2f(0.0, -sign(u_viewport().w) * u_halfPixel()), vec2f(u_halfPixel(), 0.0), i == 0);
     let line = aside(pixel + shift, t0, tStep, origin, direction);
     if (i == 0) { right = line; } else { below = line; }
   }
