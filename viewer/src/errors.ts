@@ -35,6 +35,7 @@ export const REMEDY = {
   webgpu: 'Import RadianceField from "mipvog-viewer/webgpu", or make a WebGLRenderer.',
   later: "Use pickAsync or statisticsAsync.",
   attachments: "Draw it in a pass of its own, with one color attachment.",
+  views: "Draw each view by a camera of its own, or make a WebGLRenderer.",
   depth: "Make the target with a depth buffer.",
   engine: "Make an Engine of Babylon.js on a device with WebGL 2, or a WebGPUEngine.",
   device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",

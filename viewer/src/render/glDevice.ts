@@ -100,7 +100,8 @@ class GlDevice implements TextureDevice {
     if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, alignment);
   }
 
-  free({ handle }: DeviceTexture): void {
+  free({ handle, freed }: DeviceTexture): void {
+    freed?.();
     this.gl.deleteTexture(handle as WebGLTexture);
   }
 

@@ -61,7 +61,8 @@ class GpuDevice implements TextureDevice {
     this.device.queue.writeTexture({ texture: handle as GPUTexture, origin: { x, y, z } }, texels as ArrayBufferView<ArrayBuffer>, rows, { width, height, depthOrArrayLayers });
   }
 
-  free({ handle }: DeviceTexture): void {
+  free({ handle, freed }: DeviceTexture): void {
+    freed?.();
     (handle as GPUTexture).destroy();
   }
 

@@ -17,6 +17,8 @@ export interface TextureShape {
 /** A texture as its device made it. `handle` is what frameworks draw from. */
 export interface DeviceTexture extends TextureShape {
   readonly handle: WebGLTexture | GPUTexture;
+  /** Called when it is freed, for who wrapped it. */
+  freed?: () => void;
 }
 
 /** The textures of one device: a context of WebGL 2, or a device of WebGPU. */

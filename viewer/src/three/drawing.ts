@@ -6,6 +6,8 @@ import type { GpuRenderer } from "./view.js";
 export interface GpuDrawing {
   /** Lets a renderer draw fields; else why it cannot, and a remedy. */
   adopt(renderer: GpuRenderer): readonly [message: string, remedy: string] | null;
+  /** What of the target that a renderer draws into shaders depend on. */
+  variant(renderer: GpuRenderer): string;
   /** Gives a camera the projection that the renderer would. */
   ready(renderer: GpuRenderer, camera: Camera): void;
   /** The numbers of a target, four of each pixel. */

@@ -1,6 +1,7 @@
 /** A baked radiance field as an object of a three.js scene. */
 
 import {
+  type ArrayCamera,
   Box3,
   BoxGeometry,
   type BufferGeometry,
@@ -169,11 +170,14 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.material.dispose();
   }
 
-  override onBeforeRender = (renderer: AnyRenderer): void => {
+  override onBeforeRender = (renderer: AnyRenderer, _scene: Scene, camera: Camera): void => {
     this.geometry.setDrawRange(...NOTHING);
     if (isWebGL(renderer)) return;
-    const refusal = gpuDrawing() ? gpuDrawing()!.adopt(renderer) : REFUSED;
+    const drawing = gpuDrawing();
+    const refusal = drawing ? drawing.adopt(renderer) : REFUSED;
+    if (drawing && this.material instanceof FieldMaterial) this.material.variant = drawing.variant(renderer);
     if (refusal) this.refuse(...refusal);
+    else if ((camera as ArrayCamera).isArrayCamera) this.refuse("With WebGPU, a field is not drawn for a camera of several views.", REMEDY.views);
   };
 
   /** No other pass draws the box in the field's place: that of shadows, or one with a material of its own. */

@@ -23,6 +23,9 @@ export class FieldMaterial extends RawShaderMaterial {
   /** Renderers for WebGPU know by it which material of theirs to take. */
   override readonly type = "MipvogFieldMaterial";
 
+  /** Of what it is drawn into, with WebGPU. */
+  variant = "";
+
   /** `values` are all uniforms, as they are before the first picture. */
   constructor(
     readonly opened: Opened,
@@ -56,7 +59,7 @@ export class FieldMaterial extends RawShaderMaterial {
 
   /** Renderers for WebGPU share what they build by it. */
   override customProgramCacheKey(): string {
-    return gpuDrawing() ? `MIPVOG ${numberOf(this.opened)}` : super.customProgramCacheKey();
+    return gpuDrawing() ? `MIPVOG ${numberOf(this.opened)} ${this.variant}` : super.customProgramCacheKey();
   }
 
   override clone(): this {

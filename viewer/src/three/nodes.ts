@@ -1,15 +1,16 @@
 /** Fields in three.js's WebGPURenderer: a material of nodes around one function in WGSL. */
 
-import { Data3DTexture, DataTexture, FloatType, HalfFloatType, LinearFilter, type Mesh, NearestFilter, type PerspectiveCamera, type RenderTarget, REVISION, RGBAFormat, RGBAIntegerFormat, type Texture, UnsignedIntType, Vector4 } from "three";
+import { type ArrayCamera, Data3DTexture, DataTexture, FloatType, HalfFloatType, LinearFilter, type Mesh, NearestFilter, type PerspectiveCamera, type RenderTarget, REVISION, RGBAFormat, RGBAIntegerFormat, type Texture, UnsignedIntType, Vector4 } from "three";
 import { type Node, NodeMaterial, TSL, type NodeBuilder, type NodeFrame, type Renderer, type WebGPURenderer } from "three/webgpu";
 import { REMEDY } from "../errors.js";
+import type { DeviceTexture } from "../render/textureDevice.js";
 import type { SAMPLERS } from "../render/textures.js";
 import { NO_LOGARITHM, type View } from "../render/uniforms.js";
 import { Data } from "../render/wgsl/data.js";
 import { CORNER, textureTypes, wgslSource } from "../render/wgsl/source.js";
 import type { GpuDrawing } from "./drawing.js";
 import type { FieldMaterial } from "./material.js";
-import type { GpuRenderer } from "./view.js";
+import { attachments, type GpuRenderer } from "./view.js";
 
 /** The oldest release of three.js whose nodes do what is asked of them here. */
 const LEAST_RELEASE = 187;
@@ -21,8 +22,8 @@ type Name = (typeof SAMPLERS)[number];
 const KINDS = { filtered: { type: HalfFloatType, format: RGBAFormat, filter: LinearFilter }, plain: { type: FloatType, format: RGBAFormat, filter: NearestFilter }, whole: { type: UnsignedIntType, format: RGBAIntegerFormat, filter: NearestFilter } } as const;
 const KIND_OF: Record<Name, keyof typeof KINDS> = { u_density: "filtered", u_color: "filtered", u_directional: "filtered", u_table: "whole", u_skipDistances: "whole", u_weights: "plain", u_mask: "plain" };
 
-/** A texture of one texel in place of one that is not there yet, or one that a device has. */
-function textureOf(name: Name, handle?: GPUTexture): Texture {
+/** A texture that a device has, or one of one texel. */
+function textureOf(name: Name, handle: GPUTexture | null): Texture {
   const { type, format, filter } = KINDS[KIND_OF[name]];
   const texel = handle ? null : { [HalfFloatType]: new Uint16Array(4), [FloatType]: new Float32Array(4), [UnsignedIntType]: new Uint32Array(4) }[type];
   const texture = name === "u_weights" ? new DataTexture(texel, 1, 1) : new Data3DTexture(texel, 1, 1, 1);
@@ -33,12 +34,25 @@ function textureOf(name: Name, handle?: GPUTexture): Texture {
   return texture;
 }
 
-/** Those of devices, by handle: every object of a field draws from the same. */
-const wrapped = new WeakMap<GPUTexture, Texture>();
+/** What stands in place of textures that are not there yet, for every field. */
+const standIns = new Map<Name, Texture>();
 
-function wrap(name: Name, handle: GPUTexture): Texture {
-  let texture = wrapped.get(handle);
-  if (!texture) wrapped.set(handle, (texture = textureOf(name, handle)));
+function standIn(name: Name): Texture {
+  let texture = standIns.get(name);
+  if (!texture) standIns.set(name, (texture = textureOf(name, null)));
+  return texture;
+}
+
+/** What devices have: every object of a field draws from the same. */
+const wrapped = new WeakMap<DeviceTexture, Texture>();
+
+function wrap(name: Name, made: DeviceTexture): Texture {
+  let texture = wrapped.get(made);
+  if (!texture) {
+    const one = (texture = textureOf(name, made.handle as GPUTexture));
+    wrapped.set(made, one);
+    made.freed = () => one.dispose();
+  }
   return texture;
 }
 
@@ -53,14 +67,16 @@ class FieldNodes extends NodeMaterial {
     const numbers = new Float32Array(4 * data.length);
     data.write(values, numbers);
     const types = Object.entries(textureTypes(opened)) as [Name, string][];
-    const textures = types.map(([name]) => (name === "u_weights" ? TSL.texture(textureOf(name)) : TSL.texture3D(textureOf(name))).setName(name));
+    const textures = types.map(([name]) => (name === "u_weights" ? TSL.texture(standIn(name)) : TSL.texture3D(standIn(name))).setName(name));
     const list = TSL.buffer(numbers, "vec4", data.length).setName(LIST);
     list.onObjectUpdate((frame: NodeFrame) => {
-      const { material, renderer, object } = frame;
+      const { material, renderer, object, camera } = frame;
+      // Its views have one list of uniforms.
+      if ((camera as ArrayCamera).isArrayCamera) return;
       const draw = (material as unknown as FieldMaterial).prepare(renderer as unknown as GpuRenderer, object as Mesh, () => viewOf(frame));
       if (!draw) return;
       data.write(draw.uniforms, numbers);
-      types.forEach(([name], i) => (textures[i].value = wrap(name, draw.textures[name]!.handle as GPUTexture)));
+      types.forEach(([name], i) => (textures[i].value = wrap(name, draw.textures[name]!)));
     });
     const accessors = TSL.wgsl(data.source(`${LIST}.value`));
     const source = TSL.wgsl(`${wgslSource(opened, (texture) => `${texture}_sampler`)}\nvar<private> marched: Marched;`, [accessors]);
@@ -71,8 +87,10 @@ class FieldNodes extends NodeMaterial {
     const corner = TSL.wgslFn("fn corner(position: vec3f, first: vec4f) -> vec4f { return cornerInClip(position); }", [TSL.wgsl(CORNER, [accessors])]);
     const first = TSL.element(list as never, TSL.int(0));
     const color = (march(TSL.screenCoordinate, first, ...textures) as Node<"vec4">).toVar();
-    this.fragmentNode = color;
-    this.depthNode = depth(color);
+    const several = attachments(builder.renderer.getRenderTarget());
+    // Nothing is drawn into several, but a shader has to be made for them.
+    this.fragmentNode = several > 1 ? TSL.outputStruct(...Array.from({ length: several }, () => TSL.vec4(0))) : color;
+    this.depthNode = several > 1 ? null : depth(color);
     this.vertexNode = corner(TSL.positionGeometry, first);
     super.setup(builder);
   }
@@ -80,6 +98,15 @@ class FieldNodes extends NodeMaterial {
   /** Colours are premultiplied already. */
   override setupOutput(_builder: NodeBuilder, output: never): never {
     return output;
+  }
+
+  /** As with WebGL, planes do not clip it. */
+  override setupClipping(): never {
+    return null as never;
+  }
+
+  override setupHardwareClipping(builder: NodeBuilder): void {
+    (builder as NodeBuilder & { hardwareClipping: boolean }).hardwareClipping = false;
   }
 
   /** What is drawn depends on more than three.js looks at: on the camera, and on levels that came. */
@@ -122,6 +149,11 @@ export const nodeDrawing: GpuDrawing = {
     const library = renderer.library as unknown as { getMaterialNodeClass(type: string): unknown; addMaterial(made: unknown, type: string): void };
     if (!library.getMaterialNodeClass("MipvogFieldMaterial")) library.addMaterial(FieldNodes, "MipvogFieldMaterial");
     return null;
+  },
+
+  variant(any) {
+    const target = (any as unknown as Renderer).getRenderTarget();
+    return `${attachments(target)} ${target?.depthBuffer ?? true}`;
   },
 
   ready(any, camera) {

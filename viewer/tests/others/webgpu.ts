@@ -1,7 +1,7 @@
 /** A page of somebody who draws fields with both renderers of three.js: what scenes are made of, for the tests to put together. */
 
 import * as THREE from "three";
-import { NodeMaterial, QuadMesh, TSL, WebGPURenderer } from "three/webgpu";
+import { ClippingGroup, NodeMaterial, QuadMesh, RenderPipeline, TSL, WebGPURenderer } from "three/webgpu";
 import { RadianceField } from "../../src/webgpu.js";
 
 export type Kind = "webgl" | "webgpu";
@@ -81,7 +81,7 @@ async function depths(renderer: Both, { width, height, depthTexture }: THREE.Web
     });
     const quad = new THREE.Mesh(new THREE.PlaneGeometry(2, 2), material);
     quad.frustumCulled = false;
-    renderer.render(new THREE.Scene().add(quad), new THREE.Camera());
+    renderer.render(new THREE.Scene().add(quad), new THREE.OrthographicCamera());
   } else {
     const material = new NodeMaterial();
     material.fragmentNode = TSL.vec4(TSL.textureLoad(depthTexture!, TSL.ivec2(TSL.screenCoordinate)).r, 0, 0, 1);
@@ -122,7 +122,7 @@ function sceneOf(address: string): { scene: THREE.Scene; field: RadianceField } 
   return { scene: new THREE.Scene().add(field) as THREE.Scene, field };
 }
 
-const gpu = { THREE, TSL, RadianceField, SIZE, rendererOf, cameraAt, fieldsIn, targetOf, load, read, depths, shown, picture, sceneOf };
+const gpu = { ClippingGroup, THREE, TSL, RenderPipeline, RadianceField, SIZE, rendererOf, cameraAt, fieldsIn, targetOf, load, read, depths, shown, picture, sceneOf };
 declare global {
   interface Window {
     gpu: typeof gpu;
