@@ -20,7 +20,7 @@ const draco = {
     build.onResolve({ filter: /^(fs|path)$/, namespace: "draco" }, ({ path }) => ({ path, external: true }));
   },
 };
-const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text", ".txt": "text", ".wasm": "binary" }, plugins: [draco] };
+const common = { bundle: true, format: "esm", target: "es2022", legalComments: "none", charset: "utf8", logLevel: "warning", loader: { ".glsl": "text", ".wgsl": "text", ".txt": "text", ".wasm": "binary" }, plugins: [draco] };
 
 // Into the bundles by its bytes: no request for it can fail.
 mkdirSync("build", { recursive: true });
@@ -54,7 +54,7 @@ const [withText, withoutText, onlyText] = [workerIs(true, true), workerIs(true, 
 if (process.argv.includes("--package")) {
   rmSync("build/package", { recursive: true, force: true });
   // What two of them need is in a file of its own, so that a page has one class of each name.
-  const entryPoints = { index: "src/index.ts", element: "src/element.ts", babylon: "src/babylon/index.ts" };
+  const entryPoints = { index: "src/index.ts", element: "src/element.ts", webgpu: "src/webgpu.ts", babylon: "src/babylon/index.ts" };
   await worker("build/worker.txt");
   await worker("build/package/worker.js", { sourcemap: true });
   const external = ["three", "three/*", "@babylonjs/*"];

@@ -4,6 +4,11 @@ declare module "*.glsl" {
   export default source;
 }
 
+declare module "*.wgsl" {
+  const source: string;
+  export default source;
+}
+
 /** WebAssembly is bundled as bytes. */
 declare module "*.wasm" {
   const bytes: Uint8Array<ArrayBuffer>;

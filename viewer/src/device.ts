@@ -1,7 +1,7 @@
 /** Starts the device, and tells what it can hold. */
 
 import { Decoder } from "./decoder.js";
-import { limitsOf } from "./load/limits.js";
+import { gpuLimits, limitsOf } from "./load/limits.js";
 import type { DeviceLimits } from "./load/plan.js";
 
 let known: Promise<DeviceLimits> | null = null;
@@ -11,7 +11,19 @@ let known: Promise<DeviceLimits> | null = null;
  * it, by half a second on a software renderer. Contexts that are made after that are there at once.
  */
 export function deviceLimits(): Promise<DeviceLimits> {
-  return (known ??= askWorker().then((limits) => limits ?? limitsOf(document.createElement("canvas"))));
+  return (known ??= ask());
+}
+
+async function ask(): Promise<DeviceLimits> {
+  const limits = await askWorker();
+  if (limits) return limits;
+  try {
+    return limitsOf(document.createElement("canvas"));
+  } catch (error) {
+    const other = await gpuLimits();
+    if (other) return other;
+    throw error;
+  }
 }
 
 /** What a worker answers; null where workers have no WebGL. */

@@ -32,8 +32,12 @@ export const REMEDY = {
   again: "Open it again.",
   source: "Give the constructor one of these.",
   renderer: "Make a WebGLRenderer.",
+  webgpu: 'Import RadianceField from "mipvog-viewer/webgpu", or make a WebGLRenderer.',
+  later: "Use pickAsync or statisticsAsync.",
   attachments: "Draw it in a pass of its own, with one color attachment.",
-  engine: "Make an Engine of Babylon.js, on a device with WebGL 2.",
   budget: "Allow more by maxBytes, or bake it with fewer nodes.",
+  views: "Draw each view by a camera of its own, or make a WebGLRenderer.",
+  depth: "Make the target with a depth buffer.",
+  engine: "Make an Engine of Babylon.js on a device with WebGL 2, or a WebGPUEngine.",
   device: "Bake it with fewer nodes, or open it on a device with more graphics memory.",
 } as const;

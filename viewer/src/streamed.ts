@@ -1,4 +1,4 @@
-/** A baked field on its way from a file to a WebGL 2 context, whatever framework draws it. */
+/** A baked field on its way from a file to a device, whatever framework draws it. */
 
 import { Decoder } from "./decoder.js";
 import { deviceLimits } from "./device.js";
@@ -11,6 +11,7 @@ import type { Look } from "./load/residents.js";
 import type { OwnSource, RequestOptions, Source } from "./load/source.js";
 import { Atlas } from "./render/atlas.js";
 import { WIDEST_LAYER } from "./render/network.js";
+import type { TextureDevice } from "./render/textureDevice.js";
 import type { Textures } from "./render/textures.js";
 import { lookOf, type View } from "./render/uniforms.js";
 
@@ -287,8 +288,8 @@ export class StreamedField {
   }
 
   /** What a device has, and the finest level that it shows; null before the first upload to it. */
-  on(gl: WebGL2RenderingContext): { textures: Textures | null; finest: number | null } | null {
-    return this.atlases.find((atlas) => atlas.gl === gl) ?? null;
+  on(device: TextureDevice): { textures: Textures | null; finest: number | null } | null {
+    return this.atlases.find((atlas) => atlas.device === device) ?? null;
   }
 
   /**
@@ -314,11 +315,11 @@ export class StreamedField {
   }
 
   /** Brings decoded blocks to a device, for a few milliseconds. Whether the picture has changed. */
-  upload(gl: WebGL2RenderingContext): boolean {
+  upload(device: TextureDevice): boolean {
     if (!this.content) return false;
-    const atlas = this.atlasOf(gl, this.content);
+    const atlas = this.atlasOf(device, this.content);
     const before = atlas.entered;
-    if (!atlas.upload(gl)) {
+    if (!atlas.upload(device)) {
       this.round++;
       this.worker.post({ kind: "again" });
     }
@@ -327,8 +328,8 @@ export class StreamedField {
     return isChanged;
   }
 
-  private atlasOf(gl: WebGL2RenderingContext, opened: Opened): Atlas {
-    let atlas = this.atlases.find((atlas) => atlas.gl === gl) ?? this.atlases.find((atlas) => atlas.gl === null);
+  private atlasOf(device: TextureDevice, opened: Opened): Atlas {
+    let atlas = this.atlases.find((atlas) => atlas.device === device) ?? this.atlases.find((atlas) => atlas.device === null);
     if (!atlas) {
       // What came before this device was there has to come again.
       atlas = new Atlas(opened, (error) => this.refuse(error), false);

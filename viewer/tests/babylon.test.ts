@@ -142,8 +142,8 @@ test("a field that cannot be opened leaves the mesh of its node, and says why", 
   assert.match(found.find(([, error]) => error)![1]!, /no \.mipvog container/);
 });
 
-test("engines without WebGL 2 are refused", async () => {
+test("engines without WebGL 2 or WebGPU are refused", async () => {
   for (const answer of await page.evaluate((address) => window.refuseBabylon(address), offer(at("field.mipvog")))) {
-    assert.match(answer, /^FieldError: Fields are drawn by Babylon\.js's engine for WebGL 2/);
+    assert.match(answer, /^FieldError: Fields are drawn by Babylon\.js's engines for WebGL 2 and WebGPU/);
   }
 });

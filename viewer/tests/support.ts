@@ -58,6 +58,7 @@ export class CountingServer {
   headers: Record<string, string> = {};
   /** Requests of bytes beyond this wait until it grows. */
   gate = Infinity;
+  private tell: (told: unknown) => void = () => {};
   private readonly waiting: { to: number; go: () => void }[] = [];
   private readonly files = new Map<string, Buffer>();
   private readonly server = createServer((request, response) => this.answer(request, response));
@@ -99,8 +100,23 @@ export class CountingServer {
     else this.waiting.push({ to, go });
   }
 
+  /** The next thing that a page tells by a request of its own. */
+  told(): Promise<unknown> {
+    return new Promise((tell) => (this.tell = tell));
+  }
+
+  private take(request: IncomingMessage, response: ServerResponse): void {
+    const parts: Buffer[] = [];
+    request.on("data", (part: Buffer) => parts.push(part));
+    request.on("end", () => {
+      this.tell(JSON.parse(Buffer.concat(parts).toString()));
+      response.writeHead(204).end();
+    });
+  }
+
   private answer(request: IncomingMessage, response: ServerResponse): void {
     const path = new URL(request.url ?? "/", this.origin).pathname;
+    if (request.method === "POST") return this.take(request, response);
     let bytes = this.files.get(path);
     for (const [name, value] of Object.entries(this.headers)) response.setHeader(name, value);
     if (!bytes) {
@@ -113,6 +129,8 @@ export class CountingServer {
       response.writeHead(200, { "Content-Type": TYPES[name.split(".")[1]] }).end(readFileSync(file));
       return;
     }
+    // Firefox runs no script of another type.
+    if (path.endsWith(".js")) response.setHeader("Content-Type", TYPES.js);
     if (request.method === "OPTIONS") return void response.writeHead(204).end();
     this.asked.push({ path, cookie: request.headers.cookie !== undefined });
     if (this.login !== null && request.headers.authorization !== this.login && !path.endsWith(".html")) return void response.writeHead(401).end();
@@ -143,16 +161,23 @@ export class CountingServer {
   }
 }
 
+const QUIET = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+
 /** Chromium from the system, drawing in software, or by what `ANGLE` names: "gl-egl" or "vulkan" for a graphics card. */
 export async function launch(more: string[] = []): Promise<Browser> {
   const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
   const angle = process.env.ANGLE ?? "swiftshader";
   const backend = { swiftshader: ["--enable-unsafe-swiftshader"], vulkan: ["--enable-features=Vulkan", "--disable-vulkan-surface"] }[angle] ?? [];
-  const quiet = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
   return chromium.launch({
     executablePath,
-    args: ["--no-sandbox", "--use-gl=angle", `--use-angle=${angle}`, "--ignore-gpu-blocklist", ...backend, ...quiet, ...more],
+    args: ["--no-sandbox", "--use-gl=angle", `--use-angle=${angle}`, "--ignore-gpu-blocklist", ...backend, ...QUIET, ...more],
   });
+}
+
+/** Chromium with an adapter for WebGPU that draws in software. It shows nothing of what is drawn on canvases. */
+export async function launchWebGPU(): Promise<Browser> {
+  const executablePath = process.env.CHROMIUM ?? "/usr/bin/chromium";
+  return chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--enable-unsafe-swiftshader", ...QUIET] });
 }
 
 /** A page that remembers what went wrong in it. */
@@ -171,7 +196,7 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
 export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
   await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
   await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
-  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon"].some((name) => name in window));
+  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon", "gpu", "drawBoth"].some((name) => name in window));
 }
 
 /** Takes the graphics device from the page; what gives it back. */

@@ -3,11 +3,10 @@
 import { Constants } from "@babylonjs/core/Engines/constants.js";
 import type { Engine } from "@babylonjs/core/Engines/engine.js";
 import "@babylonjs/core/Engines/Extensions/engine.renderTarget.js";
-import { WebGLHardwareTexture } from "@babylonjs/core/Engines/WebGL/webGLHardwareTexture.js";
 import { Material } from "@babylonjs/core/Materials/material.js";
 import { ShaderMaterial } from "@babylonjs/core/Materials/shaderMaterial.js";
 import { BaseTexture } from "@babylonjs/core/Materials/Textures/baseTexture.js";
-import { InternalTexture, InternalTextureSource } from "@babylonjs/core/Materials/Textures/internalTexture.js";
+import type { InternalTexture } from "@babylonjs/core/Materials/Textures/internalTexture.js";
 import { Color4 } from "@babylonjs/core/Maths/math.color.js";
 import { Matrix, Vector3 } from "@babylonjs/core/Maths/math.vector.js";
 import { PickingInfo } from "@babylonjs/core/Collisions/pickingInfo.js";
@@ -29,14 +28,13 @@ import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
 import { inverse, lookingAlong, product } from "../render/matrices.js";
 import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
-import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
-import { SAMPLERS, type Textures } from "../render/textures.js";
-import { fieldUniforms, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
+import { OUTPUT } from "../render/shader.js";
+import type { DeviceTexture } from "../render/textureDevice.js";
+import type { Textures } from "../render/textures.js";
+import { fieldUniforms, logarithmOf, NO_LOGARITHM, NOWHERE, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
 import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
-import { setUniforms } from "./uniforms.js";
+import { type Drawing, drawingOf } from "./engines.js";
 
-/** Raw, so that Babylon.js adds and changes nothing. */
-const VERSION = "#version 300 es\n";
 /** Corners of a box's sides by their bits (x, y, z), each counterclockwise as seen from outside. */
 const SIDES = [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]];
 /** From a left-handed world or camera to a right-handed one, and back. */
@@ -66,7 +64,7 @@ export class RadianceField extends Mesh {
   readonly onChangeObservable = new Observable<FieldEvents["change"]>();
   readonly onDoneObservable = new Observable<FieldEvents["done"]>();
   readonly onFailedObservable = new Observable<FieldEvents["failed"]>();
-  private readonly context: WebGL2RenderingContext;
+  private readonly drawing: Drawing;
   private readonly streamed: StreamedField;
   private readonly owner: Owner;
   private uniforms: Uniforms = {};
@@ -74,6 +72,8 @@ export class RadianceField extends Mesh {
   private own: ShaderMaterial | null = null;
   /** What is drawn in place of what the scene's camera sees; null for pictures. */
   private sampled: { view: View; shown: Partial<Shown> } | null = null;
+  /** What was said of it; each is said once. */
+  private readonly told = new Set<string>();
   /** What the material draws from, and the handles that it was made for. */
   private wrapped: { textures: BaseTexture[]; handles: Textures } | null = null;
 
@@ -82,9 +82,9 @@ export class RadianceField extends Mesh {
    * holds. Draws as soon as the coarsest levels are there.
    */
   constructor(source: Source | RadianceField, scene: Scene, options?: FieldOptions) {
-    const context = contextOf(scene);
+    const drawing = drawingOf(scene);
     super(EXTENSION, scene);
-    this.context = context;
+    this.drawing = drawing;
     if (!scene.useRightHandedSystem) this.setPreTransformMatrix(Matrix.Scaling(-1, 1, 1));
     const observables: { [Kind in keyof FieldEvents]: Observable<FieldEvents[Kind]> } = {
       opened: this.onOpenedObservable,
@@ -137,7 +137,7 @@ export class RadianceField extends Mesh {
 
   /** The finest level that is shown; null before the first picture. */
   get finest(): number | null {
-    return this.streamed.on(this.context)?.finest ?? null;
+    return this.streamed.on(this.drawing.device)?.finest ?? null;
   }
 
   /** What the field takes of the device's memory, and what of its blocks has room; null until it is opened. */
@@ -161,7 +161,7 @@ export class RadianceField extends Mesh {
    * changed.
    */
   upload(): boolean {
-    const isChanged = this.streamed.upload(this.context);
+    const isChanged = this.streamed.upload(this.drawing.device);
     this.wrap();
     return isChanged;
   }
@@ -169,6 +169,11 @@ export class RadianceField extends Mesh {
   override render(subMesh: SubMesh, enableAlphaMode: boolean, effectiveMeshReplacement?: AbstractMesh): this {
     this.upload();
     if (this.own && this.material !== this.own) this.material = this.own;
+    const refusal = this.drawing.refusal();
+    if (refusal) {
+      this.refuse(...refusal);
+      return this;
+    }
     return this.finest === null || !this.wrapped ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
   }
 
@@ -183,7 +188,13 @@ export class RadianceField extends Mesh {
     const camera = lookingAlong(turned(origin), turned(Vector3.TransformNormal(ray.direction, world).normalize()));
     const place = product(right === 1 ? SAME : MIRROR_X, world.m);
     const found = new PickingInfo();
-    const point = this.finest === null ? null : this.pointOf({ world: place, camera, projection: RAY_PROJECTION, viewport: [], isLinear: false, depth: [0.5, 0.5], logarithm: 0 });
+    if (!this.drawing.readNow) {
+      const message = "Rays do not hit fields that WebGPU draws, because its answers come later. Use pickAsync.";
+      if (!this.told.has(message)) console.warn(message);
+      this.told.add(message);
+      return found;
+    }
+    const point = this.finest === null ? null : this.pointOf({ world: place, camera, projection: RAY_PROJECTION, viewport: [], isLinear: false, depth: [0.5, 0.5], logarithm: NO_LOGARITHM });
     if (!point) return found;
     [found.hit, found.pickedMesh, found.pickedPoint, found.distance] = [true, this, point, Vector3.Distance(origin, point)];
     return found;
@@ -197,6 +208,11 @@ export class RadianceField extends Mesh {
     return statisticsOf(this.sample(width, height, this.view(), { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
   }
 
+  /** As `statistics`, with engines for WebGPU, too. */
+  async statisticsAsync(width: number, height: number, rows: number, skips = true): Promise<Statistics> {
+    return statisticsOf(await this.sampleAsync(width, height, this.view(), { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
+  }
+
   /**
    * The world's point that the scene's camera shows at `x`, `y`, shares of the picture's width and height from the top left;
    * null where the field is next to invisible.
@@ -206,9 +222,20 @@ export class RadianceField extends Mesh {
     return this.pointOf({ ...view, projection: pickedProjection(view.projection, x, y) });
   }
 
+  /** As `pick`, with engines for WebGPU, too. */
+  async pickAsync(x: number, y: number): Promise<Vector3 | null> {
+    const of = this.view();
+    const view = { ...of, projection: pickedProjection(of.projection, x, y) };
+    return this.pointAt(await this.sampleAsync(1, 1, view, { output: OUTPUT.distance }), view);
+  }
+
   /** The world's point that a view's one pixel shows. */
   private pointOf(view: View): Vector3 | null {
-    const point = pickedPoint(this.sample(1, 1, view, { output: OUTPUT.distance }), view.camera, view.projection);
+    return this.pointAt(this.sample(1, 1, view, { output: OUTPUT.distance }), view);
+  }
+
+  private pointAt(pixel: Float32Array, view: View): Vector3 | null {
+    const point = pickedPoint(pixel, view.camera, view.projection);
     if (!point) return null;
     if (!this.getScene().useRightHandedSystem) point[0] *= -1;
     return Vector3.FromArray(point);
@@ -222,6 +249,14 @@ export class RadianceField extends Mesh {
     super.dispose(doNotRecurse);
   }
 
+  /** Tells once why the field is not drawn. */
+  private refuse(message: string, remedy: string): void {
+    if (this.told.has(message)) return;
+    this.told.add(message);
+    console.error(`${message} ${remedy}`);
+    this.onFailedObservable.notifyObservers({ error: new FieldError(message, remedy) });
+  }
+
   /** Builds what does not depend on levels. */
   private begin(opened: Opened, scene: Scene): void {
     const { min, max } = outerBounds(opened.metadata);
@@ -230,76 +265,84 @@ export class RadianceField extends Mesh {
     box.indices = SIDES.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
     box.applyToMesh(this);
     this.uniforms = fieldUniforms(opened);
-    const sources = { vertexSource: VERSION + VERTEX, fragmentSource: VERSION + fragmentShader(opened) };
-    const material = new ShaderMaterial(EXTENSION, scene, sources, { attributes: ["position"], uniforms: [], samplers: [...SAMPLERS], needAlphaBlending: true });
+    const example = { ...this.uniforms, ...viewUniforms(opened.metadata, NOWHERE, { finest: 0, fixedLevel: null, keepsRange: false }) };
+    const { source, options, set } = this.drawing.shader(opened, example);
+    const material = new ShaderMaterial(EXTENSION, scene, source, { attributes: ["position"], uniforms: [], ...options, needAlphaBlending: true });
     material.alphaMode = Constants.ALPHA_PREMULTIPLIED_PORTERDUFF;
     material.forceDepthWrite = true;
     // Rays are entered by the far sides of the box, so that a camera may stand in it.
     material.cullBackFaces = false;
     material.sideOrientation = scene.useRightHandedSystem ? Material.CounterClockWiseSideOrientation : Material.ClockWiseSideOrientation;
-    material.onBindObservable.add(() => this.bind(scene, opened.metadata));
+    material.onBindObservable.add(() => set(material.getEffect()!, this.bound(scene, opened.metadata)));
     this.own = this.material = material;
   }
 
   /** Before every draw: uniforms follow the camera. */
-  private bind(scene: Scene, metadata: Metadata): void {
+  private bound(scene: Scene, metadata: Metadata): Uniforms {
     const { finest, fixedLevel, keepsRange } = this;
     const output = this.showLevels ? OUTPUT.levels : OUTPUT.color;
-    const view = this.sampled?.view ?? viewOf(scene, this.getWorldMatrix().m, this.own!.useLogarithmicDepth);
+    const view = this.sampled?.view ?? viewOf(scene, this.getWorldMatrix().m, this.own!.useLogarithmicDepth, this.drawing.depth);
     const shown = { finest: finest!, fixedLevel, keepsRange, output, ...this.sampled?.shown };
     if (!this.sampled) this.streamed.look(view);
-    setUniforms(this.context, { ...this.uniforms, ...viewUniforms(metadata, view, shown) });
+    return { ...this.uniforms, ...viewUniforms(metadata, view, shown) };
   }
 
   /** What the scene's camera sees. */
   private view(): View {
     const scene = this.getScene();
     scene.updateTransformMatrix(true);
-    return viewOf(scene, this.computeWorldMatrix(true).m, false);
+    return viewOf(scene, this.computeWorldMatrix(true).m, false, this.drawing.depth);
   }
 
   /** Four numbers a pixel of one kind of output, all 0 where nothing is drawn. */
   private sample(width: number, height: number, view: View, shown: Partial<Shown>): Float32Array {
+    const { readNow } = this.drawing;
+    if (!readNow) throw new FieldError("Engines for WebGPU answer later, not at once.", REMEDY.later);
+    return this.drawAside(width, height, view, shown, () => readNow(width, height));
+  }
+
+  private async sampleAsync(width: number, height: number, view: View, shown: Partial<Shown>): Promise<Float32Array> {
+    if (this.drawing.readNow) return this.sample(width, height, view, shown);
+    return this.drawAside(width, height, view, shown, (texture) => this.drawing.read(texture, width, height));
+  }
+
+  /** Draws the field alone into a target of its own, and reads it. */
+  private drawAside<T>(width: number, height: number, view: View, shown: Partial<Shown>, read: (texture: InternalTexture) => T): T {
     const engine = this.getEngine() as Engine;
-    const gl = this.context;
-    const options = { type: Constants.TEXTURETYPE_FLOAT, samplingMode: Constants.TEXTURE_NEAREST_NEAREST, generateDepthBuffer: false, generateMipMaps: false };
+    const options = { type: Constants.TEXTURETYPE_FLOAT, samplingMode: Constants.TEXTURE_NEAREST_NEAREST, generateDepthBuffer: true, generateMipMaps: false };
     const target = engine.createRenderTargetTexture({ width, height }, options);
-    const pixels = new Float32Array(4 * width * height);
     const alphaMode = engine.getAlphaMode();
     this.sampled = { view: { ...view, viewport: [0, 0, width, height] }, shown };
     try {
       engine.bindFramebuffer(target);
-      engine.clear(new Color4(0, 0, 0, 0), true, false);
+      engine.clear(new Color4(0, 0, 0, 0), true, true);
       engine.setAlphaMode(Constants.ALPHA_DISABLE);
       if (this.subMeshes?.length) this.render(this.subMeshes[0], false);
-      gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, pixels);
+      return read(target.texture!);
     } finally {
       this.sampled = null;
       engine.setAlphaMode(alphaMode);
       engine.unBindFramebuffer(target);
       target.dispose();
     }
-    return pixels;
   }
 
   /** Lets Babylon.js draw from textures that it did not make, and from no others. */
-  private wrap(handles = this.streamed.on(this.context)?.textures ?? null): void {
+  private wrap(handles = this.streamed.on(this.drawing.device)?.textures ?? null): void {
     if (handles === (this.wrapped?.handles ?? null)) return;
     for (const texture of this.wrapped?.textures ?? []) {
       // Handles are freed by who made them, and may be those of a lost device.
       texture.getInternalTexture()?._hardwareTexture?.reset();
       texture.dispose();
     }
-    this.wrapped = handles && { handles, textures: Object.entries(handles).map(([name, handle]) => this.wrapOne(name, handle)) };
+    this.wrapped = handles && { handles, textures: Object.entries(handles).map(([name, texture]) => this.wrapOne(name, texture)) };
   }
 
-  private wrapOne(name: string, handle: WebGLTexture): BaseTexture {
-    const engine = this.getEngine();
-    const internal = new InternalTexture(engine, InternalTextureSource.Unknown, true);
-    internal._hardwareTexture = new WebGLHardwareTexture(handle, this.context);
-    internal.is3D = name !== "u_weights";
+  private wrapOne(name: string, made: DeviceTexture): BaseTexture {
+    const internal = this.drawing.wrap(made);
+    internal.is3D = !made.flat;
     internal.isReady = true;
-    const texture = new BaseTexture(engine, internal);
+    const texture = new BaseTexture(this.getEngine(), internal);
     texture.wrapU = texture.wrapV = texture.wrapR = Constants.TEXTURE_CLAMP_ADDRESSMODE;
     texture.anisotropicFilteringLevel = 1;
     this.own!.setTexture(name, texture);
@@ -307,15 +350,8 @@ export class RadianceField extends Mesh {
   }
 }
 
-/** The context of a scene's engine. */
-function contextOf(scene: Scene): WebGL2RenderingContext {
-  const { _gl: context } = scene.getEngine() as Engine;
-  if (context instanceof WebGL2RenderingContext) return context;
-  throw new FieldError("Fields are drawn by Babylon.js's engine for WebGL 2, and by no other.", REMEDY.engine);
-}
-
 /** Where a scene takes its picture. */
-function viewOf(scene: Scene, world: ArrayLike<number>, isLogarithmic: boolean): View {
+function viewOf(scene: Scene, world: ArrayLike<number>, isLogarithmic: boolean, depth: [number, number]): View {
   const engine = scene.getEngine();
   const [width, height] = [engine.getRenderWidth(), engine.getRenderHeight()];
   const { x, y, width: wide, height: high } = engine.currentViewport ?? { x: 0, y: 0, width: 1, height: 1 };
@@ -327,7 +363,7 @@ function viewOf(scene: Scene, world: ArrayLike<number>, isLogarithmic: boolean):
     viewport: [x * width, y * height, wide * width, high * height],
     // Then a pass of its own makes the picture's values display-referred.
     isLinear: scene.imageProcessingConfiguration.applyByPostProcess,
-    depth: [0.5, 0.5],
-    logarithm: isLogarithmic ? 1 / Math.log2(scene.activeCamera!.maxZ + 1) : 0,
+    depth,
+    logarithm: isLogarithmic ? logarithmOf(scene.activeCamera!.maxZ) : NO_LOGARITHM,
   };
 }

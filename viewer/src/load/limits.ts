@@ -1,4 +1,4 @@
-/** What the WebGL of a canvas can hold. */
+/** What a device can hold. */
 
 import { FieldError, REMEDY } from "../errors.js";
 import type { DeviceLimits } from "./plan.js";
@@ -22,4 +22,12 @@ export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLim
   const uniforms = gl.getParameter(gl.MAX_FRAGMENT_UNIFORM_VECTORS) as number;
   gl.getExtension("WEBGL_lose_context")?.loseContext();
   return { side, floatLinear, bytes: usualBytes(), uniforms };
+}
+
+/** As of WebGPU, in browsers without WebGL 2; null where there is none either. */
+export async function gpuLimits(): Promise<DeviceLimits | null> {
+  const adapter = await navigator.gpu?.requestAdapter();
+  if (!adapter) return null;
+  const { maxTextureDimension3D, maxUniformBufferBindingSize } = adapter.limits;
+  return { side: Math.min(2048, maxTextureDimension3D), floatLinear: adapter.features.has("float32-filterable"), bytes: MOST_BYTES, uniforms: Math.floor(maxUniformBufferBindingSize / 16) };
 }

@@ -7,8 +7,8 @@ import type { DecodedPart, LevelEntry, Skips } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
 import { DIRECTIONAL_QUADS, slotPlace } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
-import { whenDone } from "./fence.js";
-import { allocate, free, keeping, macroStart, tableStarts, type Textures } from "./textures.js";
+import type { DeviceTexture, TextureDevice } from "./textureDevice.js";
+import { allocate, macroStart, tableStarts, type Textures } from "./textures.js";
 
 /** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
 const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
@@ -27,14 +27,17 @@ export class Atlas {
   readonly live = new Set<number>();
   /** Counts what was entered. */
   entered = 0;
-  /** The device's context; null before the first upload. */
-  gl: WebGL2RenderingContext | null = null;
+  /** What has it; null before the first upload. */
+  device: TextureDevice | null = null;
   /** Of each box, those of four levels a texel, and macro cells along its axes. */
   private readonly skipDistances: { all: Uint8Array; counts: Triple }[];
   private uploads: Upload[] = [];
   /** Levels whose parts are on their way from the decoders. */
   private readonly expected = new Set<number>();
-  private device: { gl: WebGL2RenderingContext; textures: Textures } | null = null;
+  /** What holds the live levels; null where there is no device. */
+  textures: Textures | null = null;
+  /** Ends listening for the loss of the device. */
+  private deaf = () => {};
 
   /**
    * `refused` is called where the device turns out to have no room for the field. `isFed` tells whether levels come from the
@@ -51,11 +54,6 @@ export class Atlas {
       const [x, y, z] = counts;
       return { all: new Uint8Array(x * y * z * Math.ceil((metadata.levels.length - box) / 4) * 4), counts };
     });
-  }
-
-  /** Textures that hold the live levels; null where there is no device. */
-  get textures(): Textures | null {
-    return this.device?.textures ?? null;
   }
 
   /** A level or a shell is being decoded. */
@@ -110,63 +108,56 @@ export class Atlas {
    * Brings waiting blocks to the device, as many as a frame should. False where the device has lost what it had and
    * all levels have to come again.
    */
-  upload(gl: WebGL2RenderingContext): boolean {
-    if (gl.isContextLost()) return true;
-    if (!this.device) {
-      this.begin(gl);
+  upload(device: TextureDevice): boolean {
+    if (device.isLost) return true;
+    if (!this.textures) {
+      this.begin(device);
       const wasFed = this.isFed;
       this.isFed = true;
       if (!wasFed) return false;
     }
-    const { textures } = this.device!;
-    if (this.waiting) keeping(gl, () => this.bringSome(gl, textures));
+    const textures = this.textures!;
+    if (this.waiting) device.keeping(() => this.bringSome(device, textures));
     return true;
   }
 
   dispose(): void {
-    if (this.device) free(this.device.gl, this.device.textures);
+    const { device, textures } = this;
+    if (device && textures) for (const texture of Object.values(textures)) device.free(texture);
     this.forget();
   }
 
-  private begin(gl: WebGL2RenderingContext): void {
-    this.gl = gl;
+  private begin(device: TextureDevice): void {
+    this.device = device;
     this.live.clear();
-    gl.canvas.addEventListener("webglcontextlost", this.forget);
-    this.device = { gl, textures: allocate(gl, this.opened) };
-    this.askForRoom(this.device);
-  }
-
-  /** Asks whether the textures fit, once they are made: the page would wait for as long as the device is busy. */
-  private askForRoom(device: NonNullable<Atlas["device"]>): void {
-    const { gl } = device;
-    whenDone(gl, () => {
-      if (this.device !== device) return;
-      let isFull = false;
-      for (let error = gl.getError(); error !== gl.NO_ERROR && !gl.isContextLost(); error = gl.getError()) isFull ||= error === gl.OUT_OF_MEMORY;
+    this.deaf = device.onLost(this.forget);
+    const textures = device.allocating(() => allocate(device, this.opened), () => {
+      if (this.textures !== textures) return;
       const megabytes = Math.round(this.opened.plan.bytes / 1e6);
-      if (isFull) this.refused(new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device));
+      this.refused(new FieldError(`The device has no room for ${megabytes} MB of textures.`, REMEDY.device));
     });
+    this.textures = textures;
   }
 
   /** What a lost device had is gone, and so is what was on its way. */
   private readonly forget = (): void => {
-    this.device?.gl.canvas.removeEventListener("webglcontextlost", this.forget);
-    [this.device, this.uploads, this.isFed] = [null, [], false];
+    this.deaf();
+    [this.textures, this.uploads, this.isFed] = [null, [], false];
     this.live.clear();
     this.expectNothing();
   };
 
-  private bringSome(gl: WebGL2RenderingContext, textures: Textures): void {
+  private bringSome(device: TextureDevice, textures: Textures): void {
     const end = performance.now() + UPLOAD_MS;
     let left = UPLOAD_BYTES;
     while (left > 0 && this.uploads.length > 0 && performance.now() < end) {
       const [upload] = this.uploads;
       if ("entry" in upload) {
         const before = this.entered;
-        left -= this.enter(upload, gl, textures);
+        left -= this.enter(upload, device, textures);
         if (this.entered === before) continue;
       } else {
-        left -= this.bring(upload, gl, textures);
+        left -= this.bring(upload, device, textures);
         if (upload.done < upload.part.blocks) continue;
       }
       this.uploads.shift();
@@ -174,7 +165,7 @@ export class Atlas {
   }
 
   /** Uploads a few blocks, whose slots follow each other, in one go; how many bytes that were. */
-  private bring(upload: { part: DecodedPart; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
+  private bring(upload: { part: DecodedPart; done: number }, device: TextureDevice, textures: Textures): number {
     const { part, done } = upload;
     const { plan } = this.opened;
     const { slot, slots, quads, firstSlot } = plan;
@@ -183,23 +174,14 @@ export class Atlas {
     const [x, y, z] = slotPlace(plan, own ? own[done] : firstSlot[part.part] + part.first + done);
     // Bricks that fill their slots lie in a row of slots as they lie in memory.
     const blocks = own ? 1 : side === slot ? Math.min(part.blocks - done, slots[2] - z, UPLOAD_BLOCKS) : 1;
-    const put = (z: number, format: number, type: number, values: ArrayBufferView) => {
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, x * slot, y * slot, z * slot, side, side, blocks * side, format, type, values);
+    const put = (texture: DeviceTexture, z: number, values: ArrayBufferView) => {
+      device.write(texture, [x * slot, y * slot, z * slot], [side, side, blocks * side], values);
     };
-    if (density) {
-      gl.bindTexture(gl.TEXTURE_3D, textures.u_density!);
-      const type = density instanceof Float32Array ? gl.FLOAT : gl.HALF_FLOAT;
-      // Rows of an odd number of halves are the only ones that do not end at 4 bytes.
-      const alignment = type === gl.HALF_FLOAT ? (gl.getParameter(gl.UNPACK_ALIGNMENT) as number) : null;
-      if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
-      put(z, gl.RED, type, density.subarray(done * nodes, (done + blocks) * nodes));
-      if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, alignment);
-    }
-    const putQuads = (texture: WebGLTexture, quads: number, bricks: Uint16Array) => {
-      gl.bindTexture(gl.TEXTURE_3D, texture);
+    if (density) put(textures.u_density!, z, density.subarray(done * nodes, (done + blocks) * nodes));
+    const putQuads = (texture: DeviceTexture, quads: number, bricks: Uint16Array) => {
       for (let quad = 0; quad < quads; quad++) {
         const at = (quad * part.blocks + done) * nodes * 4;
-        put(z + quad * slots[2], gl.RGBA, gl.HALF_FLOAT, bricks.subarray(at, at + blocks * nodes * 4));
+        put(texture, z + quad * slots[2], bricks.subarray(at, at + blocks * nodes * 4));
       }
     };
     putQuads(textures.u_color!, quads, color);
@@ -209,7 +191,7 @@ export class Atlas {
   }
 
   /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */
-  private enter(upload: { entry: LevelEntry; done: number }, gl: WebGL2RenderingContext, textures: Textures): number {
+  private enter(upload: { entry: LevelEntry; done: number }, device: TextureDevice, textures: Textures): number {
     const { part, table, skips } = upload.entry;
     // The planes of one box come after those of another.
     let before = 0;
@@ -219,21 +201,20 @@ export class Atlas {
       if (from < mx) {
         const to = Math.min(mx, from + Math.max(1, Math.floor(UPLOAD_CELLS / (my * mz))));
         upload.done = before + to;
-        return this.putSkipDistances(part, one, [from, to], gl, textures);
+        return this.putSkipDistances(part, one, [from, to], device, textures);
       }
       before += mx;
     }
     const { metadata, plan } = this.opened;
     const [nx, ny, nz] = blockCounts(partsOf(metadata)[part]);
-    gl.bindTexture(gl.TEXTURE_3D, textures.u_table!);
-    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, tableStarts(metadata, plan)[part], nz, ny, nx, gl.RED_INTEGER, gl.UNSIGNED_INT, table);
+    device.write(textures.u_table!, [0, 0, tableStarts(metadata, plan)[part]], [nz, ny, nx], table);
     this.live.add(part);
     this.entered++;
     return table.byteLength;
   }
 
   /** Puts the planes `[from, to)` of a part's skip distances in a box beside those of the levels that share their texels. */
-  private putSkipDistances(part: number, { box, distances }: Skips, [from, to]: [number, number], gl: WebGL2RenderingContext, textures: Textures): number {
+  private putSkipDistances(part: number, { box, distances }: Skips, [from, to]: [number, number], device: TextureDevice, textures: Textures): number {
     const { metadata } = this.opened;
     const { levels } = metadata;
     const { all, counts } = this.skipDistances[box];
@@ -243,7 +224,6 @@ export class Atlas {
     const level = levelOfPart(metadata, part) - box;
     const shown = part === 0 ? levels.flatMap((other, i) => (i === 0 || !other.density ? [i] : [])) : [level];
     const quads = new Set(shown.map((one) => Math.floor(one / 4)));
-    gl.bindTexture(gl.TEXTURE_3D, textures.u_skipDistances!);
     for (const quad of quads) {
       const first = quad * mx * my * mz;
       const cells = all.subarray(4 * (first + from * my * mz), 4 * (first + to * my * mz));
@@ -251,7 +231,7 @@ export class Atlas {
         if (Math.floor(one / 4) !== quad) continue;
         for (let at = one % 4, cell = from * my * mz; at < cells.length; at += 4, cell++) cells[at] = distances[cell];
       }
-      gl.texSubImage3D(gl.TEXTURE_3D, 0, startZ, startY, quad * mx + from, mz, my, to - from, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, cells);
+      device.write(textures.u_skipDistances!, [startZ, startY, quad * mx + from], [mz, my, to - from], cells);
     }
     return quads.size * 4 * (to - from) * my * mz;
   }

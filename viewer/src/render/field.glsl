@@ -49,8 +49,8 @@ uniform mat3 u_toView;
 // A shift, and what the inverse of t is multiplied by, or t itself where rays are parallel; and the depth of what is furthest.
 uniform vec2 u_depthOfT;
 uniform float u_farDepth;
-// What log2(1 + t) is multiplied by where depth is logarithmic; else 0.
-uniform float u_logarithm;
+// Where depth is logarithmic, it is x * log2(y + z * t); else x is 0.
+uniform vec3 u_logarithm;
 // Whether the target takes linear values: all but the canvas do.
 uniform bool u_linear;
 

@@ -265,7 +265,7 @@ void main() {
   float t = weights > 0.0 ? reached / weights : 0.0;
   // Where there is nothing, as far as depths go.
   float written = u_depthOfT.x + u_depthOfT.y * (u_isParallel ? t : 1.0 / t);
-  if (u_logarithm > 0.0 && !u_isParallel) written = u_logarithm * log2(1.0 + t);
+  if (u_logarithm.x > 0.0 && !u_isParallel) written = u_logarithm.x * log2(u_logarithm.y + u_logarithm.z * t);
   gl_FragDepth = weights > 1e-3 ? clamp(written, 0.0, 1.0) : u_farDepth;
   if (u_output == STATISTICS) {
     fragment = vec4(float(samples), float(fetches), max(0.0, floor(last) - first + 1.0), 1.0);

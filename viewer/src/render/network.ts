@@ -1,9 +1,10 @@
-/** The view-dependent network as GLSL, and its weights as uniforms, or as a texture where they are many. */
+/** The view-dependent network as a shader, and its weights as uniforms, or as a texture where they are many. */
 
 import type { Layer } from "../format/network.js";
 import { type NetworkShape, networkOf, ownChannels } from "../format/metadata.js";
 import { boxesOf, isNested, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
+import type { Language } from "./shader.js";
 
 /** Widest layer of a network that a fragment can hold. */
 export const WIDEST_LAYER = 256;
@@ -13,13 +14,16 @@ export const WEIGHTS_WIDTH = 1024;
 /** Uniforms of four numbers that the shader has besides weights: for each level or shell, for each of several boxes, and for all of them. */
 const [UNIFORMS_OF_PART, UNIFORMS_OF_BOX, OTHER_UNIFORMS] = [4, 4, 64];
 
+/** Uniforms of four numbers that WebGPU takes: 64 KiB. */
+const GPU_UNIFORMS = 4096;
+
 /**
  * Whether the weights are uniforms. Those cost graphics cards next to nothing, as all pixels read the same ones
  * at the same time; texels of 32-bit floats are the dearest that there are.
  */
 export function weighsByUniforms({ metadata, plan, network }: Opened): boolean {
   const others = UNIFORMS_OF_PART * partsOf(metadata).length + (isNested(metadata) ? UNIFORMS_OF_BOX * boxesOf(metadata).length : 0) + OTHER_UNIFORMS;
-  return network.length > 0 && packedLength(network) + others <= plan.uniforms;
+  return network.length > 0 && packedLength(network) + others <= Math.min(plan.uniforms, GPU_UNIFORMS);
 }
 
 /** Quadruples of packed weights. */
@@ -31,43 +35,80 @@ function quads(values: number): number {
   return Math.ceil(values / 4);
 }
 
-/** The first layer's inputs as GLSL: the direction, its sines, its cosines, and what the ray has gathered. */
-function inputQuads(view: NetworkShape, { metadata }: Opened): string[] {
+/** The first layer's inputs: the direction, its sines, its cosines, and what the ray has gathered. */
+function inputQuads(view: NetworkShape, { metadata }: Opened, { vec4, gathered }: Words): string[] {
   const axes = ["x", "y", "z"].map((axis) => `d.${axis}`);
   const angles = axes.flatMap((axis) => Array.from({ length: view.frequencies }, (_, k) => `${axis} * ${2 ** k}.0`));
-  const gathered = Array.from({ length: ownChannels(metadata) }, (_, i) => `accumulated[${i >> 2}].${"xyzw"[i % 4]}`);
+  const own = Array.from({ length: ownChannels(metadata) }, (_, i) => `${gathered}[${i >> 2}].${"xyzw"[i % 4]}`);
   const turned = ["sin", "cos"].flatMap((name) => angles.map((angle) => `${name}(${angle})`));
-  const values = [...axes, ...turned, ...gathered.slice(view.input === "features" ? 3 : 0)];
+  const values = [...axes, ...turned, ...own.slice(view.input === "features" ? 3 : 0)];
   while (values.length % 4 > 0) values.push("0.0");
-  return Array.from({ length: values.length / 4 }, (_, i) => `vec4(${values.slice(4 * i, 4 * i + 4).join(", ")})`);
+  return Array.from({ length: values.length / 4 }, (_, i) => `${vec4}(${values.slice(4 * i, 4 * i + 4).join(", ")})`);
 }
 
-/** The view-dependent colour as GLSL, four inputs at a time. */
-export function networkSource(opened: Opened): string {
+/** What differs between the languages. */
+interface Words {
+  vec4: string;
+  /** What the ray has gathered. */
+  gathered: string;
+  int: string;
+  /** Declares a list of quadruples; opens a function. */
+  list(name: string, length: number): string;
+  open(name: string, parameters: string, result: string): string;
+  fetch: string;
+}
+
+/** Texels along a row, and the rows, of a weight's number: processors divide whole numbers one by one. */
+const [COLUMN, ROW] = [`at & ${WEIGHTS_WIDTH - 1}`, `at >> ${Math.log2(WEIGHTS_WIDTH)}`];
+
+const GLSL: Words = {
+  vec4: "vec4",
+  gathered: "accumulated",
+  int: "int",
+  list: (name, length) => `vec4 ${name}[${length}];`,
+  open: (name, parameters, result) => `${result} ${name}(${parameters}) {`,
+  fetch: `texelFetch(u_weights, ivec2(${COLUMN}, ${ROW}), 0)`,
+};
+
+const WGSL: Words = {
+  vec4: "vec4f",
+  gathered: "(*accumulated)",
+  int: "var",
+  list: (name, length) => `var ${name}: array<vec4f, ${length}>;`,
+  open: (name, parameters, result) => `fn ${name}(${parameters}) -> ${result} {`,
+  fetch: `textureLoad(u_weights, vec2i(${COLUMN}, ${ROW}u), 0)`,
+};
+
+/** The view-dependent colour, four inputs at a time. */
+export function networkSource(opened: Opened, language: Language): string {
   const { metadata, network } = opened;
   const view = networkOf(metadata);
   if (!view || network.length === 0) return "";
+  const isGlsl = language === "glsl";
+  const words = isGlsl ? GLSL : WGSL;
+  const { vec4, int, list, open, fetch } = words;
+  const byUniforms = weighsByUniforms(opened);
+  const uniform = isGlsl ? "u_network[at]" : "u_network(at)";
   const lines = [
-    ...(weighsByUniforms(opened)
-      ? [`uniform vec4 u_network[${packedLength(network)}];`, "vec4 weight(int at) { return u_network[at]; }"]
-      : // Processors divide whole numbers one by one.
-        [`vec4 weight(int at) { return texelFetch(u_weights, ivec2(at & ${WEIGHTS_WIDTH - 1}, at >> ${Math.log2(WEIGHTS_WIDTH)}), 0); }`]),
-    "vec3 networkColor(vec3 d, vec4 accumulated[QUADS]) {",
-    "  int at = 0;",
-    "  vec4 x;",
+    ...(byUniforms && isGlsl ? [`uniform vec4 u_network[${packedLength(network)}];`] : []),
+    `${open("weight", isGlsl ? "int at" : "at: i32", vec4)} return ${byUniforms ? uniform : fetch}; }`,
+    isGlsl ? open("networkColor", "vec3 d, vec4 accumulated[QUADS]", "vec3") : open("networkColor", "d: vec3f, accumulated: ptr<function, array<vec4f, QUADS>>", "vec3f"),
+    `  ${int} at = 0;`,
+    `  ${isGlsl ? "vec4 x" : "var x: vec4f"};`,
   ];
+  const loop = (name: string, count: number, body: string) => `for (${int} ${name} = 0; ${name} < ${count}; ${name}++) { ${body} }`;
   /** Adds to all outputs of a layer what `x` gives them. */
   const spread = (layer: number) => {
-    const sum = "vec4(dot(weight(at), x), dot(weight(at + 1), x), dot(weight(at + 2), x), dot(weight(at + 3), x))";
-    return `for (int o = 0; o < ${quads(network[layer].outputs)}; o++, at += 4) v${layer}[o] += ${sum};`;
+    const sum = `${vec4}(dot(weight(at), x), dot(weight(at + 1), x), dot(weight(at + 2), x), dot(weight(at + 3), x))`;
+    return loop("o", quads(network[layer].outputs), `v${layer}[o] += ${sum}; at += 4;`);
   };
   network.forEach(({ inputs, outputs }, layer) => {
     const [to, isLast] = [quads(outputs), layer + 1 === network.length];
-    lines.push(`  vec4 v${layer}[${to}];`, `  for (int o = 0; o < ${to}; o++) v${layer}[o] = weight(at++);`);
-    if (layer > 0) lines.push(`  for (int i = 0; i < ${quads(inputs)}; i++) { x = v${layer - 1}[i]; ${spread(layer)} }`);
+    lines.push(`  ${list(`v${layer}`, to)}`, `  ${loop("o", to, `v${layer}[o] = weight(at); at++;`)}`);
+    if (layer > 0) lines.push(`  ${loop("i", quads(inputs), `x = v${layer - 1}[i]; ${spread(layer)}`)}`);
     // Inputs are made when they are needed, so that a ray holds few numbers at a time.
-    else for (const x of inputQuads(view, opened)) lines.push(`  x = ${x};`, `  ${spread(0)}`);
-    lines.push(`  for (int o = 0; o < ${to}; o++) v${layer}[o] = ${isLast ? `1.0 / (1.0 + exp(-v${layer}[o]))` : `max(v${layer}[o], vec4(0.0))`};`);
+    else for (const x of inputQuads(view, opened, words)) lines.push(`  x = ${x};`, `  ${spread(0)}`);
+    lines.push(`  ${loop("o", to, `v${layer}[o] = ${isLast ? `1.0 / (1.0 + exp(-v${layer}[o]))` : `max(v${layer}[o], ${vec4}(0.0))`};`)}`);
   });
   lines.push(`  return v${network.length - 1}[0].xyz;`, "}");
   return lines.join("\n");

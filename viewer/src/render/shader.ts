@@ -55,26 +55,31 @@ export function decodeNumber(decode: Encoding["decode"]): number {
   return DECODES[decode] ?? 0;
 }
 
-/** A number as the shader takes it. */
-function glslFloat(value: number): string {
+/** A number as shaders take it. */
+function floatText(value: number): string {
   const text = String(value);
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
+/** The languages of shaders. */
+export type Language = "glsl" | "wgsl";
+const VECTORS = { glsl: { vec3: "vec3", ivec2: "ivec2", list: (count: number) => `vec3[${count}]` }, wgsl: { vec3: "vec3f", ivec2: "vec2i", list: (count: number) => `array<vec3f, ${count}>` } };
+
 /** What a field fixes at compile time. */
-function defines(metadata: Metadata, { quads, isPartial }: Plan, network: Layer[]): Record<string, string | number> {
+export function defines(metadata: Metadata, { quads, isPartial }: Plan, network: Layer[], language: Language): Record<string, string | number> {
+  const { vec3, ivec2, list } = VECTORS[language];
   const harmonics = harmonicsOf(metadata);
   const directional = finestDirectional(metadata);
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
     LEVELS: metadata.levels.length,
     PARTS: partsOf(metadata).length,
-    ...(isNested(metadata) && nestedDefines(metadata)),
+    ...(isNested(metadata) && nestedDefines(metadata, ivec2)),
     QUADS: quads,
     ...set("PARTIAL", isPartial),
     STATISTICS: OUTPUT.statistics,
     DISTANCE: OUTPUT.distance,
-    TINTS: `vec3[${TINTS.length}](${TINTS.map((tint) => `vec3(${tint.map(glslFloat)})`)})`,
+    TINTS: `${list(TINTS.length)}(${TINTS.map((tint) => `${vec3}(${tint.map(floatText)})`)})`,
     LAST_TINT: TINTS.length - 1,
     LEVEL_COLORS: OUTPUT.levels,
     ORDER: ORDERS[metadata.activation.order],
@@ -92,7 +97,7 @@ function defines(metadata: Metadata, { quads, isPartial }: Plan, network: Layer[
     ...set("ANISOTROPY", hasLevels(metadata, "anisotropy")),
     ...(harmonics && {
       FUNCTIONS: (harmonics.degree + 1) ** 2,
-      OFFSET: glslFloat(harmonics.offset),
+      OFFSET: floatText(harmonics.offset),
       CLAMP: CLAMPS[harmonics.clamp],
       ...set("CLAMP_SAMPLES", harmonics.where === "sample"),
     }),
@@ -100,13 +105,13 @@ function defines(metadata: Metadata, { quads, isPartial }: Plan, network: Layer[
 }
 
 /** What boxes around each other fix. */
-function nestedDefines(metadata: Metadata): Record<string, string | number> {
-  return { NESTED: "", BOXES: boxesOf(metadata).length, BOXES_BESIDE, MACRO_ROOM: `ivec2(${macroRoom(metadata).slice(1).join()})` };
+function nestedDefines(metadata: Metadata, ivec2: string): Record<string, string | number> {
+  return { NESTED: "", BOXES: boxesOf(metadata).length, BOXES_BESIDE, MACRO_ROOM: `${ivec2}(${macroRoom(metadata).slice(1).join()})` };
 }
 
 /** The whole shader but its version, with the field's network. */
 export function fragmentShader(opened: Opened): string {
   const { metadata, plan, network } = opened;
-  const fixed = Object.entries(defines(metadata, plan, network)).map(([name, value]) => `#define ${name} ${value}`);
-  return [...fixed, field, networkSource(opened), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n");
+  const fixed = Object.entries(defines(metadata, plan, network, "glsl")).map(([name, value]) => `#define ${name} ${value}`);
+  return [...fixed, field, networkSource(opened, "glsl"), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n");
 }

@@ -25,10 +25,12 @@ export interface View {
   viewport: number[];
   /** Whether the target takes linear values. */
   isLinear: boolean;
-  /** Depth of the target by that of clip space: a factor and a shift. */
+  /** Depth of the target by that of clip space: a factor and a shift. Without a shift, clip space is from 0 to 1. */
   depth: [number, number];
-  /** Where depth is logarithmic, what the logarithm of a distance and 1 is multiplied by; else 0. */
-  logarithm: number;
+  /** Where depth is logarithmic, it is `factor * log2(shift + scale * distance)`; else all are 0. */
+  logarithm: readonly [factor: number, shift: number, scale: number];
+  /** Whether the target's rows go downward. */
+  isDownward?: boolean;
 }
 
 /** What of a field is shown. */
@@ -42,6 +44,18 @@ export interface Shown {
   skips?: boolean;
   /** Half of a pixel of the picture, in those of the target. */
   halfPixel?: number;
+}
+
+/** Where depth is not logarithmic. */
+export const NO_LOGARITHM = [0, 0, 0] as const;
+
+const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+/** Before the first picture. */
+export const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: NO_LOGARITHM };
+
+/** That of a distance and 1, up to that of the far plane, as WebGL's frameworks have it. */
+export function logarithmOf(far: number): [number, number, number] {
+  return [1 / Math.log2(far + 1), 1, 1];
 }
 
 /** As far as a ray without a far plane goes. */
@@ -139,7 +153,9 @@ export function viewUniforms(metadata: Metadata, view: View, shown: Shown): Unif
   const place = toLocal.slice(12, 15);
   const far = farEnd(view);
   // Before parallel rays start, there is something as well.
-  const first = isParallel(projection) ? (projection[14] + far.sign) / projection[10] : 0;
+  const near = far.sign < 0 ? 1 : depth[1] === 0 ? 0 : -1;
+  const first = isParallel(projection) ? (projection[14] - near) / projection[10] : 0;
+  const [left, low, wide, high] = view.viewport;
   return {
     u_toClip: product(projection, product(inverse(camera), world)),
     u_toLocal: linearPart(toLocal),
@@ -150,10 +166,10 @@ export function viewUniforms(metadata: Metadata, view: View, shown: Shown): Unif
     u_toView: linearPart(product(unturned(world), camera)),
     u_lens: lensOf(projection),
     u_isParallel: isParallel(projection),
-    u_viewport: view.viewport,
+    u_viewport: view.isDownward ? [left, low + high, wide, -high] : view.viewport,
     u_linear: view.isLinear,
     u_depthOfT: [depth[1] + depth[0] * (isParallel(projection) ? projection[14] : -projection[10]), depth[0] * (isParallel(projection) ? -projection[10] : projection[14])],
-    u_logarithm: view.logarithm,
+    u_logarithm: [...view.logarithm],
     u_farEnd: [far.at, far.sign],
     u_farDepth: depth[1] + depth[0] * far.at,
     u_finest: shown.finest,

@@ -1,27 +1,22 @@
 /** A baked radiance field as an object of a three.js scene. */
 
 import {
-  BackSide,
+  type ArrayCamera,
   Box3,
   BoxGeometry,
   type BufferGeometry,
   type Camera,
-  Data3DTexture,
   FloatType,
-  GLSL3,
   type Intersection,
   Matrix4,
   Mesh,
   NoBlending,
   NormalBlending,
-  type Object3D,
   type Object3DEventMap,
   PerspectiveCamera,
   type Raycaster,
-  RawShaderMaterial,
   Scene,
   ShaderMaterial,
-  Texture,
   Vector3,
   type WebGLRenderer,
   WebGLRenderTarget,
@@ -33,11 +28,12 @@ import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
 import { lookingAlong } from "../render/matrices.js";
 import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
-import { fragmentShader, OUTPUT, VERTEX } from "../render/shader.js";
-import { SAMPLERS } from "../render/textures.js";
-import { fieldUniforms, type Shown, viewUniforms } from "../render/uniforms.js";
+import { OUTPUT } from "../render/shader.js";
+import { fieldUniforms, NOWHERE, type Shown, type View, viewUniforms } from "../render/uniforms.js";
 import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
-import { attachments, isWebGL, NOWHERE, viewOf } from "./view.js";
+import { FieldMaterial, type Draw } from "./material.js";
+import { type AnyRenderer, attachments, deviceOf, isWebGL } from "./view.js";
+import { gpuDrawing } from "./drawing.js";
 
 /** What `RadianceField` tells, beside what all objects of three.js tell. */
 export interface RadianceFieldEventMap extends Object3DEventMap, FieldEvents {}
@@ -67,11 +63,13 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     tell: (type, event) => this.dispatchEvent({ type, ...event } as never),
   };
   /** What drew the field last: rays are cast with it. */
-  private renderer: WebGLRenderer | null = null;
+  private renderer: AnyRenderer | null = null;
   /** Why it was not drawn; each reason is told once. */
   private readonly told = new Set<string>();
   /** What is drawn in place of a picture; null for pictures. */
   private sampled: Partial<Shown> | null = null;
+  /** The field alone in a scene, for what is drawn in place of pictures. */
+  private alone: { scene: Scene; mesh: Mesh } | null = null;
 
   /**
    * Loads `source`, the address of a container or its bytes; another field shares what it has loaded, and what the device
@@ -120,8 +118,9 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * Brings decoded blocks to the device, for a few milliseconds; every draw does this as well. Whether the picture has
    * changed.
    */
-  upload(renderer: WebGLRenderer): boolean {
-    return this.streamed.upload(renderer.getContext() as WebGL2RenderingContext);
+  upload(renderer: AnyRenderer): boolean {
+    const device = deviceOf(renderer);
+    return device !== null && this.streamed.upload(device);
   }
 
   /** What the field takes of the device's memory, and what of its blocks has room; null until it is opened. */
@@ -176,9 +175,14 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.material.dispose();
   }
 
-  override onBeforeRender = (renderer: WebGLRenderer): void => {
+  override onBeforeRender = (renderer: AnyRenderer, _scene: Scene, camera: Camera): void => {
     this.geometry.setDrawRange(...NOTHING);
-    if (!isWebGL(renderer)) this.refuse("Fields are drawn by three.js's WebGLRenderer, and by no other.", REMEDY.renderer);
+    if (isWebGL(renderer)) return;
+    const drawing = gpuDrawing();
+    const refusal = drawing ? drawing.adopt(renderer) : REFUSED;
+    if (drawing && this.material instanceof FieldMaterial) this.material.variant = drawing.variant(renderer);
+    if (refusal) this.refuse(...refusal);
+    else if ((camera as ArrayCamera).isArrayCamera) this.refuse("With WebGPU, a field is not drawn for a camera of several views.", REMEDY.views);
   };
 
   /** No other pass draws the box in the field's place: that of shadows, or one with a material of its own. */
@@ -191,6 +195,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     const { renderer } = this;
     const box = (this.isWorld ? this.bounds : this.visibleBounds).applyMatrix4(this.matrixWorld);
     if (!renderer || !this.visible || this.streamed.finest === null || !ray.intersectsBox(box)) return;
+    if (!isWebGL(renderer)) return this.warn("Rays do not hit fields that WebGPU draws, because its answers come later. Use pickAsync.");
     const point = this.pointOf(renderer, new Matrix4().fromArray(lookingAlong(ray.origin.toArray(), ray.direction.toArray())), RAY_PROJECTION);
     const distance = point?.distanceTo(ray.origin) ?? Infinity;
     if (point && distance >= near && distance <= far) intersects.push({ distance, point, object: this });
@@ -201,7 +206,12 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
    * would: every sample between entry and exit, with its colours.
    */
   statistics(renderer: WebGLRenderer, camera: Camera, width: number, height: number, rows: number, skips = true): Statistics {
-    return statisticsOf(this.sample(renderer, camera, width, height, { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
+    return statisticsOf(this.sample(renderer, camera, width, height, counted(height, rows, skips)));
+  }
+
+  /** As `statistics`, with renderers for WebGPU, too. */
+  async statisticsAsync(renderer: AnyRenderer, camera: Camera, width: number, height: number, rows: number, skips = true): Promise<Statistics> {
+    return statisticsOf(await this.sampleAsync(renderer, camera, width, height, counted(height, rows, skips)));
   }
 
   /**
@@ -212,24 +222,25 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return this.pointOf(renderer, camera.matrixWorld, pickedProjection(camera.projectionMatrix.elements, x, y));
   }
 
+  /** As `pick`, with renderers for WebGPU, too. */
+  async pickAsync(renderer: AnyRenderer, camera: Camera, x: number, y: number): Promise<Vector3 | null> {
+    if (!isWebGL(renderer)) gpuDrawing()?.ready(renderer, camera);
+    const projection = pickedProjection(camera.projectionMatrix.elements, x, y);
+    const place = camera.matrixWorld.clone();
+    return pointAt(await this.sampleAsync(renderer, onePixel(place, projection, camera), 1, 1, { output: OUTPUT.distance }), place, projection);
+  }
+
   /** The world's point that a camera at `place` sees in its one pixel. */
   private pointOf(renderer: WebGLRenderer, place: Matrix4, projection: readonly number[]): Vector3 | null {
-    const one = new PerspectiveCamera();
-    one.matrixWorldAutoUpdate = one.matrixAutoUpdate = false;
-    one.matrixWorld.copy(place);
-    one.matrixWorldInverse.copy(place).invert();
-    one.projectionMatrix.fromArray(projection);
-    const pixel = this.sample(renderer, one, 1, 1, { output: OUTPUT.distance });
-    const point = pickedPoint(pixel, place.elements, projection);
-    return point && new Vector3(...point);
+    return pointAt(this.sample(renderer, onePixel(place, projection), 1, 1, { output: OUTPUT.distance }), place, projection);
   }
 
   /**
    * Draws a pixel that nobody sees, from the middle of the box, with all that a draw may need. Devices make code in the first
    * draw that needs it, and what is on the screen would wait for that.
    */
-  warm(renderer: WebGLRenderer): void {
-    if (!this.metadata) return;
+  warm(renderer: AnyRenderer): void {
+    if (!this.metadata || !deviceOf(renderer)) return;
     const camera = new PerspectiveCamera();
     const middle = this.bounds.getCenter(new Vector3());
     camera.matrixWorld.copy(this.matrixWorld).multiply(new Matrix4().setPosition(middle));
@@ -243,25 +254,44 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
 
   /** Four numbers a pixel of one kind of output. */
   private sample(renderer: WebGLRenderer, camera: Camera, width: number, height: number, shown: Partial<Shown>): Float32Array {
+    if (!isWebGL(renderer)) throw new FieldError("Renderers for WebGPU answer later, not at once.", REMEDY.later);
     const target = new WebGLRenderTarget(width, height, { type: FloatType });
     const pixels = new Float32Array(4 * width * height);
-    this.material.blending = NoBlending;
-    this.drawInto(target, renderer, camera, shown);
-    this.material.blending = NormalBlending;
+    this.drawValues(target, renderer, camera, shown);
     renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
     target.dispose();
     return pixels;
   }
 
+  private async sampleAsync(renderer: AnyRenderer, camera: Camera, width: number, height: number, shown: Partial<Shown>): Promise<Float32Array> {
+    if (isWebGL(renderer)) return this.sample(renderer, camera, width, height, shown);
+    const drawing = gpuDrawing();
+    const refusal = drawing ? drawing.adopt(renderer) : REFUSED;
+    if (!drawing || refusal) throw new FieldError(...refusal!);
+    const target = new WebGLRenderTarget(width, height, { type: FloatType });
+    try {
+      drawing.ready(renderer, camera);
+      this.drawValues(target, renderer, camera, shown);
+      return await drawing.read(renderer, target);
+    } finally {
+      target.dispose();
+    }
+  }
+
+  private drawValues(target: WebGLRenderTarget, renderer: AnyRenderer, camera: Camera, shown: Partial<Shown>): void {
+    this.material.blending = NoBlending;
+    this.drawInto(target, renderer, camera, shown);
+    this.material.blending = NormalBlending;
+  }
+
   /** Draws the field alone into an empty target. */
-  private drawInto(target: WebGLRenderTarget, renderer: WebGLRenderer, camera: Camera, shown: Partial<Shown>): void {
-    const proxy = new Mesh(this.geometry, this.material);
-    proxy.matrixWorld.copy(this.matrixWorld);
-    proxy.matrixWorldAutoUpdate = proxy.matrixAutoUpdate = false;
-    proxy.frustumCulled = false;
-    const scene = new Scene();
-    scene.matrixWorldAutoUpdate = false;
-    scene.add(proxy);
+  private drawInto(target: WebGLRenderTarget, any: AnyRenderer, camera: Camera, shown: Partial<Shown>): void {
+    // What is used of it here, renderers for WebGPU have as well.
+    const renderer = any as WebGLRenderer;
+    this.alone ??= aloneOf(this);
+    const { scene, mesh } = this.alone;
+    [mesh.geometry, mesh.material] = [this.geometry, this.material];
+    mesh.matrixWorld.copy(this.matrixWorld);
     const [before, alpha, xr] = [renderer.getRenderTarget(), renderer.getClearAlpha(), renderer.xr.enabled];
     renderer.setRenderTarget(target);
     renderer.setClearAlpha(0);
@@ -285,41 +315,33 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.geometry = new BoxGeometry(size[0], size[1], size[2]).translate(min[0] + size[0] / 2, min[1] + size[1] / 2, min[2] + size[2] / 2);
     this.geometry.setDrawRange(...NOTHING);
     this.material.dispose();
-    // three.js asks once which uniforms there are.
-    const values = { ...fieldUniforms(opened), ...viewUniforms(opened.metadata, NOWHERE, { finest: 0, fixedLevel: null, keepsRange: false }) };
-    const samplers = SAMPLERS.map((name) => [name, { value: name === "u_weights" ? new Texture() : new Data3DTexture() }]);
-    const uniforms: RawShaderMaterial["uniforms"] = Object.fromEntries([...samplers, ...Object.entries(values).map(([name, value]) => [name, { value }])]);
-    this.material = new FieldMaterial(fragmentShader(opened), uniforms, (material, renderer, camera, object) => this.prepare(material, renderer, camera, object));
+    const uniforms = { ...fieldUniforms(opened), ...viewUniforms(opened.metadata, NOWHERE, { finest: 0, fixedLevel: null, keepsRange: false }) };
+    this.material = new FieldMaterial(opened, uniforms, (renderer, object, view) => this.prepare(renderer, object, view));
   }
 
   /**
    * Before every draw: levels that wait go to the device, uniforms follow the camera. `object` is this one, or a plain mesh
-   * that somebody has given its material and geometry.
+   * that somebody has given its material and geometry. Null where nothing is drawn.
    */
-  private prepare(material: FieldMaterial, renderer: WebGLRenderer, camera: Camera, object: Mesh): void {
-    const { geometry } = object;
+  private prepare(renderer: AnyRenderer, { geometry }: Mesh, view: () => View): Draw | null {
     geometry.setDrawRange(...NOTHING);
-    const target = renderer.getRenderTarget();
-    if (attachments(target) > 1) return this.refuse("A field is not drawn into a target of several color attachments.", REMEDY.attachments);
+    if (attachments((renderer as WebGLRenderer).getRenderTarget()) > 1) {
+      this.refuse("A field is not drawn into a target of several color attachments.", REMEDY.attachments);
+      return null;
+    }
     this.upload(renderer);
     const { file } = this.streamed;
-    const device = this.streamed.on(renderer.getContext() as WebGL2RenderingContext);
+    const device = deviceOf(renderer);
+    const held = device && this.streamed.on(device);
     const shown = this.sampled ?? { output: this.showLevels ? OUTPUT.levels : OUTPUT.color };
-    const finest = this.sampled?.finest ?? device?.finest ?? null;
-    if (!file || !device?.textures || finest === null) return;
-    for (const [name, handle] of Object.entries(device.textures)) {
-      // A renderer, or one whose device came back, has not seen what it did not make.
-      const known = renderer.properties.get(material.uniforms[name].value) as { __webglTexture?: WebGLTexture; __webglInit?: boolean };
-      [known.__webglTexture, known.__webglInit] = [handle, true];
-    }
+    const finest = this.sampled?.finest ?? held?.finest ?? null;
+    if (!file || !held?.textures || finest === null) return null;
     geometry.setDrawRange(0, Infinity);
     if (!this.sampled) this.renderer = renderer;
     const { keepsRange, fixedLevel } = this;
-    const view = viewOf(camera, object.matrixWorld.elements, renderer);
-    const uniforms = viewUniforms(file.metadata, view, { finest, fixedLevel, keepsRange, ...shown });
-    if (!this.sampled) this.streamed.look(view);
-    for (const [name, value] of Object.entries(uniforms)) material.uniforms[name].value = value;
-    material.uniformsNeedUpdate = true;
+    const seen = view();
+    if (!this.sampled) this.streamed.look(seen);
+    return { textures: held.textures, uniforms: viewUniforms(file.metadata, seen, { finest, fixedLevel, keepsRange, ...shown }) };
   }
 
   /** Tells once why the field is not drawn: an error would end the whole scene's picture. */
@@ -329,36 +351,46 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     console.error(`${message} ${remedy}`);
     this.dispatchEvent({ type: "failed", error: new FieldError(message, remedy) });
   }
+
+  /** Says once what does not keep the field from being drawn. */
+  private warn(message: string): void {
+    if (this.told.has(message)) return;
+    this.told.add(message);
+    console.warn(message);
+  }
 }
 
-/** What a mesh is drawn with. Whoever gets the material and the geometry of a field draws that field. */
-class FieldMaterial extends RawShaderMaterial {
-  constructor(
-    fragment: string,
-    uniforms: RawShaderMaterial["uniforms"],
-    private readonly prepare: (material: FieldMaterial, renderer: WebGLRenderer, camera: Camera, object: Mesh) => void,
-  ) {
-    // Raw, so that every target is drawn by the same program.
-    super({
-      glslVersion: GLSL3,
-      vertexShader: VERTEX,
-      fragmentShader: fragment,
-      uniforms,
-      // Rays are entered by the far sides of the box, so that a camera may stand in it.
-      side: BackSide,
-      transparent: true,
-      premultipliedAlpha: true,
-    });
-  }
+/** What is said where renderers for WebGPU were not prepared. */
+const REFUSED = ["A WebGPURenderer draws fields only where mipvog-viewer/webgpu is imported.", REMEDY.webgpu] as const;
 
-  override onBeforeRender(renderer: WebGLRenderer, _scene: Scene, camera: Camera, _geometry: BufferGeometry, object: Object3D): void {
-    this.prepare(this, renderer, camera, object as Mesh);
-  }
+/** What is shown where the work of a picture is counted. */
+function counted(height: number, rows: number, skips: boolean): Partial<Shown> {
+  return { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows };
+}
 
-  override clone(): this {
-    const uniforms = Object.fromEntries(Object.entries(this.uniforms).map(([name, { value }]) => [name, { value }]));
-    return new FieldMaterial(this.fragmentShader, uniforms, this.prepare) as this;
-  }
+/** A camera of one pixel. It keeps the convention of `like`, so that no renderer makes a projection of its own. */
+function onePixel(place: Matrix4, projection: readonly number[], like?: Camera): Camera {
+  const one = new PerspectiveCamera();
+  one.matrixWorldAutoUpdate = one.matrixAutoUpdate = false;
+  one.matrixWorld.copy(place);
+  one.matrixWorldInverse.copy(place).invert();
+  if (like) one.coordinateSystem = like.coordinateSystem;
+  one.projectionMatrix.fromArray(projection);
+  return one;
+}
+
+function pointAt(pixel: Float32Array, place: Matrix4, projection: readonly number[]): Vector3 | null {
+  const point = pickedPoint(pixel, place.elements, projection);
+  return point && new Vector3(...point);
+}
+
+/** A scene of a mesh that will be drawn in a field's place. */
+function aloneOf(field: RadianceField): { scene: Scene; mesh: Mesh } {
+  const mesh = new Mesh<BufferGeometry, ShaderMaterial>(field.geometry, field.material);
+  mesh.matrixWorldAutoUpdate = mesh.matrixAutoUpdate = mesh.frustumCulled = false;
+  const scene = new Scene();
+  scene.matrixWorldAutoUpdate = false;
+  return { scene: scene.add(mesh) as Scene, mesh };
 }
 
 /** @ts-ignore where react-three-fiber is not installed, nothing is said of it. */

@@ -1,23 +1,36 @@
 /** What of three.js's renderers and cameras a field has to know. */
 
 import { type Camera, LinearSRGBColorSpace, type PerspectiveCamera, SRGBColorSpace, Vector4, type WebGLRenderer, type WebGLRenderTarget } from "three";
-import type { View } from "../render/uniforms.js";
+import { glDevice } from "../render/glDevice.js";
+import { gpuDevice } from "../render/gpuDevice.js";
+import type { TextureDevice } from "../render/textureDevice.js";
+import { logarithmOf, NO_LOGARITHM, type View } from "../render/uniforms.js";
 
-export function isWebGL(renderer: WebGLRenderer): boolean {
+/** A renderer for WebGPU, as far as those know it who do not import it. */
+export interface GpuRenderer {
+  readonly isWebGPURenderer: true;
+}
+
+export type AnyRenderer = WebGLRenderer | GpuRenderer;
+
+export function isWebGL(renderer: AnyRenderer): renderer is WebGLRenderer {
   // Release 160 does not name its class.
   return (renderer as { isWebGPURenderer?: boolean }).isWebGPURenderer !== true && "properties" in renderer;
 }
 
+/** What holds textures for a renderer; null before it has started. */
+export function deviceOf(renderer: AnyRenderer): TextureDevice | null {
+  if (isWebGL(renderer)) return glDevice(renderer.getContext() as WebGL2RenderingContext);
+  const { device } = (renderer as { backend?: { device?: GPUDevice | null } }).backend ?? {};
+  return device ? gpuDevice(device) : null;
+}
+
 /** How many colours of a pixel a target has. */
-export function attachments(target: WebGLRenderTarget | null): number {
+export function attachments(target: object | null): number {
   // Named otherwise before release 162.
   const { textures, texture } = (target ?? {}) as { textures?: unknown[]; texture?: unknown };
   return textures?.length ?? (Array.isArray(texture) ? texture.length : 1);
 }
-
-/** Before the first picture. */
-const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-export const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: 0 };
 
 /** The values that what a renderer draws into takes. */
 function colorSpaceOf(renderer: WebGLRenderer): string {
@@ -43,6 +56,6 @@ export function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer)
     viewport: viewport.z === 0 ? [0, 0, width, height] : viewport.toArray(),
     isLinear: colorSpaceOf(renderer) !== SRGBColorSpace,
     depth: (reversedDepthBuffer ?? reverseDepthBuffer) ? [1, 0] : [0.5, 0.5],
-    logarithm: logarithmicDepthBuffer ? 1 / Math.log2(far + 1) : 0,
+    logarithm: logarithmicDepthBuffer ? logarithmOf(far) : NO_LOGARITHM,
   };
 }

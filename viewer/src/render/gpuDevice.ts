@@ -1,0 +1,73 @@
+/** A field's textures in plain WebGPU. */
+
+import { toHalf } from "../format/codings/values.js";
+import type { Triple } from "../format/metadata.js";
+import type { DeviceTexture, TextureDevice, TextureShape } from "./textureDevice.js";
+
+/** What textures are for: `GPUTextureUsage`, of which TypeScript knows nothing. */
+const [BINDING, WRITTEN] = [4, 2];
+
+const TEXEL_BYTES = { r32float: 4, r16float: 2, rgba16float: 8, rgba32float: 16, r32uint: 4, rgba8uint: 4 } as const;
+
+const known = new WeakMap<GPUDevice, GpuDevice>();
+
+/** The textures of a device of WebGPU. */
+export function gpuDevice(device: GPUDevice): TextureDevice {
+  let found = known.get(device);
+  if (!found) known.set(device, (found = new GpuDevice(device)));
+  return found;
+}
+
+class GpuDevice implements TextureDevice {
+  readonly filtersFloats: boolean;
+  isLost = false;
+  private readonly listeners = new Set<() => void>();
+
+  constructor(private readonly device: GPUDevice) {
+    this.filtersFloats = device.features.has("float32-filterable");
+    void device.lost.then(() => {
+      this.isLost = true;
+      for (const then of [...this.listeners]) then();
+    });
+  }
+
+  /** Nothing is set that others could find changed. */
+  keeping<T>(run: () => T): T {
+    return run();
+  }
+
+  allocating<T>(run: () => T, full: () => void): T {
+    const { device } = this;
+    device.pushErrorScope("out-of-memory");
+    const made = run();
+    device.popErrorScope().then(
+      (error) => error && full(),
+      // The device was lost meanwhile, of which others tell.
+      () => {},
+    );
+    return made;
+  }
+
+  make(shape: TextureShape): DeviceTexture {
+    const usage = BINDING | WRITTEN;
+    const [width, height, depthOrArrayLayers] = shape.size;
+    const handle = this.device.createTexture({ size: { width, height, depthOrArrayLayers }, dimension: shape.flat ? "2d" : "3d", format: shape.format, usage });
+    return { ...shape, handle };
+  }
+
+  write({ handle, format }: DeviceTexture, [x, y, z]: Triple, [width, height, depthOrArrayLayers]: Triple, values: ArrayBufferView): void {
+    const texels = format === "r16float" && values instanceof Float32Array ? Uint16Array.from(values, toHalf) : values;
+    const rows = { bytesPerRow: width * TEXEL_BYTES[format], rowsPerImage: height };
+    this.device.queue.writeTexture({ texture: handle as GPUTexture, origin: { x, y, z } }, texels as ArrayBufferView<ArrayBuffer>, rows, { width, height, depthOrArrayLayers });
+  }
+
+  free({ handle, freed }: DeviceTexture): void {
+    freed?.();
+    (handle as GPUTexture).destroy();
+  }
+
+  onLost(then: () => void): () => void {
+    this.listeners.add(then);
+    return () => this.listeners.delete(then);
+  }
+}
