@@ -50,8 +50,9 @@ export function bindTools(stage: Stage, name: () => string, measure: () => boole
   // Keys are for the picture, also before anybody has clicked it.
   document.addEventListener("keydown", (event) => {
     if (event.target !== document.body && event.target !== page.canvas) return;
-    if (event.target === document.body && !page.main.classList.contains("empty")) page.canvas.focus();
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const isPlain = !event.ctrlKey && !event.metaKey && !event.altKey && (event.key.length === 1 || event.key.startsWith("Arrow"));
+    if (!isPlain) return;
+    if (!page.main.classList.contains("empty")) page.canvas.focus();
     const key = event.key.toLowerCase();
     if (key === "l") page.colors.click();
     else if (key in KEYS && !page.main.classList.contains("empty")) button(KEYS[key]).click();
