@@ -81,13 +81,14 @@ if (process.argv.includes("--package")) {
     packages: "external",
   });
   // Scripts of pages that are somebody else's, which tests drive.
-  const others = readdirSync("tests/others").filter((name) => name !== "asked.ts");
+  const others = readdirSync("tests/others").filter((name) => !["asked.ts", "floor.ts"].includes(name));
   const outdir = "build/tests/others";
   await build({ ...common, ...withoutText, entryPoints: others.map((name) => `tests/others/${name}`), outdir });
   for (const release of ["oldest", "middle"]) {
     const entryPoints = [{ in: "tests/others/plugin.ts", out: `plugin.${release}` }];
     await build({ ...common, ...withoutText, entryPoints, outdir, alias: { three: `three-${release}` } });
   }
+  await build({ ...common, ...withoutText, entryPoints: ["tests/others/floor.ts"], outdir, alias: { three: "three-middle" } });
   await worker("build/tests/others/worker.js");
 } else {
   const out = process.argv.includes("--check") ? "build/page" : "dist";

@@ -196,7 +196,7 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
 export async function openOther(page: Page, server: CountingServer, name: string): Promise<void> {
   await page.goto(server.offer("blank.html", Buffer.from('<!doctype html><link rel="icon" href="data:,">')));
   await page.addScriptTag({ path: join("build", "tests", "others", `${name}.js`), type: "module" });
-  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon", "gpu", "drawBoth"].some((name) => name in window));
+  await page.waitForFunction(() => ["draw", "list", "drawBabylon", "lib", "babylon", "gpu", "drawBoth", "refuse"].some((name) => name in window));
 }
 
 /** Takes the graphics device from the page; what gives it back. */

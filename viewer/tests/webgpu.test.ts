@@ -7,6 +7,7 @@ import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { CountingServer, launchWebGPU, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
 import { withMetadata } from "./metadata.js";
+import type {} from "./others/floor.js";
 import type {} from "./others/webgpu.js";
 
 const FIXTURES = join(ROOT, "fixtures");
@@ -110,3 +111,37 @@ for (const name of [...BAKED, ...Object.keys(MADE), "svraster_geosvr"]) {
     assert.deepEqual(wrong(), []);
   });
 }
+
+test("a device of few uniforms reads the network's weights from a texture in WebGPU, too", async () => {
+  const { page: other, problems: trouble } = await newPage(browser);
+  const few = "{ const { prototype } = WebGL2RenderingContext, { getParameter } = prototype; prototype.getParameter = function (name) { return name === this.MAX_FRAGMENT_UNIFORM_VECTORS ? 224 : getParameter.call(this, name); }; }";
+  await other.route("**/worker.js", async (route) => {
+    const response = await route.fetch();
+    await route.fulfill({ response, body: `${few}\n${await response.text()}` });
+  });
+  await openOther(other, server, "webgpu");
+  const address = server.offer("few.mipvog", readFileSync(join(FIXTURES, "baked", "tiny.rate.mipvog")));
+  const { pictures: [webgl, webgpu], uniforms } = await other.evaluate(async (address) => {
+    const { sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
+    const { scene, field } = sceneOf(address);
+    const pictures = [];
+    for (const kind of ["webgl", "webgpu"] as const) {
+      const renderer = await rendererOf(kind);
+      await load(renderer, scene, cameraAt([3.5, 1.4, 0.6]));
+      pictures.push((await picture(renderer, scene, cameraAt([3.5, 1.4, 0.6]))).pixels);
+    }
+    return { pictures, uniforms: field.file!.plan.uniforms };
+  }, address);
+  assert.equal(uniforms, 224);
+  assert.ok(psnr(webgl, webgpu) >= 60, `${psnr(webgl, webgpu)} dB`);
+  assert.deepEqual(trouble.filter((problem) => !problem.includes("GPU stall due to ReadPixels")), []);
+  await other.close();
+});
+
+test("a three.js that is too old for WebGPU is told of", async () => {
+  const { page: other } = await newPage(browser);
+  await openOther(other, server, "floor");
+  const address = server.offer("old.mipvog", readFileSync(join(FIXTURES, "baked", "tiny.rate.mipvog")));
+  assert.deepEqual(await other.evaluate((address) => window.refuse(address), address), ["With WebGPU, fields are drawn by three.js from release 187 on; this is 173."]);
+  await other.close();
+});
