@@ -187,10 +187,10 @@ test("a page that requires trusted types names the package's, and one that does 
 });
 
 test("servers that draw pages import all of it", () => {
-  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/babylon", "mipvog-viewer/standalone"]';
+  const all = '["mipvog-viewer", "mipvog-viewer/element", "mipvog-viewer/webgpu", "mipvog-viewer/babylon", "mipvog-viewer/standalone"]';
   const script = `import manifest from "mipvog-viewer/package.json" with { type: "json" }; const all = await Promise.all(${all}.map((name) => import(name))); console.log(manifest.name, all.map((one) => Object.keys(one).length > 0).join());`;
   const told = execFileSync("node", ["--input-type=module", "--no-warnings", "--eval", script], { cwd: USER, encoding: "utf8" });
-  assert.equal(told.trim(), "mipvog-viewer true,true,true,true");
+  assert.equal(told.trim(), "mipvog-viewer true,true,true,true,true");
 });
 
 /** What TypeScript says of a script in a folder. */

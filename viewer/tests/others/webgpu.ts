@@ -93,10 +93,13 @@ async function depths(renderer: Both, { width, height, depthTexture }: THREE.Web
   return values.filter((_, at) => at % 4 === 0);
 }
 
-/** Linear values as display-referred ones from 0 to 255. */
+/**
+ * Linear values as display-referred ones, limited to the 0 to 255 of a screen: beyond 1, SwiftShader's blending of half floats
+ * goes on with WebGPU and ends with WebGL.
+ */
 function shown(values: number[]): number[] {
   const display = (value: number) => (value <= 0.0031308 ? 12.92 * value : 1.055 * Math.max(value, 0) ** (1 / 2.4) - 0.055);
-  return values.map((value, at) => 255 * (at % 4 === 3 ? value : display(value)));
+  return values.map((value, at) => 255 * (at % 4 === 3 ? value : Math.min(display(value), 1)));
 }
 
 export interface Picture {
