@@ -43,7 +43,8 @@ class BakeOptions(TypedDict, total=False):
     the training: for models of nerfstudio, and their bakes."""
 
     cameras: Optional[PathName]
-    """Camera file: NeRF-synthetic's transforms.json or nerfstudio's; or the folder with it."""
+    """Camera file: NeRF-synthetic's transforms.json or nerfstudio's, or images.bin or images.txt of
+    a COLMAP model; or the folder with it."""
 
     coarse: Optional[PathName]
     """Coarse checkpoint, which has the threshold of the free-space mask [default: beside the
