@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from ._bake import bake
     from ._field import Bounds, Field, open
     from ._model import from_model
+    from ._view import View
 
 # The program needs no NumPy, whose import takes most of its start: it comes with the first name
 # that does.
 _HOMES = {
     "Bounds": "_field",
     "Field": "_field",
+    "View": "_view",
     "bake": "_bake",
     "from_arrays": "_arrays",
     "from_model": "_model",
@@ -35,6 +37,7 @@ __all__ = [
     "Bounds",
     "Error",
     "Field",
+    "View",
     "__version__",
     "bake",
     "from_arrays",

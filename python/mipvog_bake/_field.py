@@ -16,6 +16,7 @@ from . import _check, _native, _options
 from ._check import PathName, Readable
 from ._error import Error
 from ._progress import Progress, shown
+from ._view import View, page_of
 
 Floats = npt.NDArray[np.float32]
 
@@ -206,6 +207,15 @@ class Field:
         with shown(progress) as tell:
             pixels = self._values.render(text, path, name, (width, height), tell)
         return pixels.reshape(height, width, 3)
+
+    def show(self, height: int = 480, *, progress: Union[None, bool, Progress] = None) -> View:
+        """The viewer in a frame of `height` pixels, which notebooks display. It needs no server,
+        and stays in the notebook: saved with it, and in what nbconvert makes of it. A field that is
+        not baked is baked first, with the default options. `progress` is as in `bake`.
+        """
+        pixels = _check.whole("height", height, "a height in pixels")
+        self._values  # noqa: B018, a closed field is refused here
+        return View(page_of(self, progress), pixels)
 
     def __repr__(self) -> str:
         x, y, z = self.dimensions

@@ -211,7 +211,7 @@ fn cameras_in_a_folder_and_of_others_are_known() {
     write("cameras.txt", "# Camera list\n1 PINHOLE 8 8 10 10 4 4\n");
     write("images.txt", "1 1 0 0 0 0 0 4 1 a.png\n\n");
     works(here, &["render", "a.mipvog", "--cameras", "colmap", "-o", "y"]);
-    assert!(here.join("y/a.png").is_file());
+    assert!(here.join("y/a.s1.png").is_file());
     std::fs::write(here.join("poses_bounds.npy"), b"\x93NUMPY\x01\0").expect("writable");
     let llff = ["render", "a.mipvog", "--cameras", "poses_bounds.npy", "-o", "z"];
     teaches(here, &llff, 3, &["LLFF", "transforms.json"]);
