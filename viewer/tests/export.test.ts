@@ -48,6 +48,18 @@ test("a page opens from a disk, under its own policy, and asks nobody for anythi
   await page.close();
 });
 
+test("a frame of a notebook, whose document is text, shows the field", async () => {
+  const { page, problems } = await newPage(browser);
+  await page.setContent('<iframe sandbox="allow-scripts" allow="fullscreen; xr-spatial-tracking" style="width: 400px; height: 300px"></iframe>');
+  await page.evaluate((text) => document.querySelector("iframe")!.setAttribute("srcdoc", text), readFileSync(at("page.html"), "utf8"));
+  const frame = (await (await page.$("iframe"))!.contentFrame())!;
+  await ready(frame);
+  const found = psnr(await capture(frame, views(CAMERAS, 200)[0]), await pixels(page, join(at("reference"), "r_0.s1.png")));
+  assert.ok(found >= 40, `${found} dB`);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
 test("a folder opens from a plain server, in ranges where it has them", async () => {
   const bytes = readFileSync(join(at("site"), "lego64.mipvog"));
   for (const ranges of [true, false]) {

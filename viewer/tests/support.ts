@@ -7,7 +7,7 @@ import type { AddressInfo } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { gzipSync } from "node:zlib";
-import { type Browser, chromium, type Page } from "playwright-core";
+import { type Browser, chromium, type Frame, type Page } from "playwright-core";
 import type {} from "../page/viewer.js";
 
 /** The repository; tests run in `viewer/`. */
@@ -217,7 +217,7 @@ export async function loseDevice(page: Page): Promise<() => Promise<void>> {
 }
 
 /** Waits until everything is loaded and drawn, or throws what the page says went wrong. */
-export async function ready(page: Page): Promise<void> {
+export async function ready(page: Page | Frame): Promise<void> {
   await page.waitForFunction(() => window.__mipvog?.ready || window.__mipvog?.error);
   const error = await page.evaluate(() => window.__mipvog.error);
   if (error) throw new Error(error);
@@ -276,7 +276,7 @@ export function storedFrame(bytes: Uint8Array): Uint8Array {
 }
 
 /** The page's picture of a view, four bytes a pixel. */
-export async function capture(page: Page, view: View): Promise<number[]> {
+export async function capture(page: Page | Frame, view: View): Promise<number[]> {
   return page.evaluate((view) => window.__mipvog.capture(view), view);
 }
 
