@@ -1,4 +1,4 @@
-import { StrictMode } from "react";
+import React, { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
 import { Canvas, extend } from "@react-three/fiber";
 import { RadianceField } from "mipvog-viewer";
