@@ -49,8 +49,10 @@ export class CountingServer {
   readonly asked: { path: string; cookie: boolean }[] = [];
   /** How many of the next requests for files are answered by 503. */
   failing = 0;
-  /** After so many bytes of the next answer to a range, the connection breaks. */
+  /** After so many bytes of the next answer to a range nothing comes, until `snap`. */
   breaking: number | null = null;
+  /** Breaks the connection that `breaking` has halted. */
+  snap: () => void = () => {};
   /** Where answers to ranges begin and end, one after the other. */
   readonly starts: number[] = [];
   readonly ends: number[] = [];
@@ -155,7 +157,8 @@ export class CountingServer {
       this.starts.push(from);
       this.ends.push(to);
       if (this.breaking === null) return void response.end(bytes!.subarray(from, to));
-      response.write(bytes!.subarray(from, from + this.breaking), () => setTimeout(() => response.destroy(), 100));
+      response.write(bytes!.subarray(from, from + this.breaking));
+      this.snap = () => response.destroy();
       this.breaking = null;
     });
   }
