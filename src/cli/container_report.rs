@@ -162,7 +162,8 @@ fn origin_text(provenance: &Value) -> Option<String> {
     let (tool, version) = (text("/tool")?, text("/version")?);
     let mut origin = format!("made by {tool} {version}");
     if let Some(kind) = text("/input/kind") {
-        write!(origin, " from a {kind}").ok();
+        let article = if kind.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
+        write!(origin, " from {article} {kind}").ok();
     }
     if let Some(digest) = text("/input/sha256") {
         write!(origin, ", fingerprint {}", digest.get(..16).unwrap_or(digest)).ok();

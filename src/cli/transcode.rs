@@ -50,6 +50,9 @@ pub struct Arguments {
     /// Number of finest levels to drop
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Levels")]
     without_finest: usize,
+    /// Number of outermost boxes of a world to drop; the background shows behind the rest
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Levels")]
+    without_outermost: usize,
     /// Maximum number of levels to keep; the coarsest are dropped [default: all]
     #[arg(long, value_name = "N", help_heading = "Levels")]
     levels: Option<usize>,
@@ -86,6 +89,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         max_error: arguments.max_error,
         max_bytes: arguments.max_bytes,
         without_finest: arguments.without_finest,
+        without_outermost: arguments.without_outermost,
         levels: arguments.levels,
         crop: arguments.crop,
         drop_islands: arguments.drop_islands,
@@ -103,7 +107,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let inputs = vec![arguments.file.clone()];
     let resolved = changes.to_json();
     let view = ViewReport::of(container.metadata().view.as_ref());
-    let baked = Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs };
+    let baked =
+        Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs, side_bytes: 0 };
     let work = Work {
         input: &arguments.file,
         output: &arguments.output,

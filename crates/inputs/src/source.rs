@@ -92,6 +92,12 @@ impl Source {
             || matches!(self.family, Family::PlenOctree | Family::SvRaster)
             || self.family.is_sampled()
     }
+
+    /// Bytes of the other files that it was read from; those that have gone count as none.
+    pub fn side_bytes(&self) -> u64 {
+        let paths = self.side_files.iter().map(|file| &file.path);
+        paths.filter_map(|path| std::fs::metadata(path).ok()).map(|found| found.len()).sum()
+    }
 }
 
 impl Family {

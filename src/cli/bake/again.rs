@@ -57,11 +57,19 @@ pub fn bake_again(
         let origin = Origin::of_unpacked(unpacked);
         let report = bake(&field, options, &origin, output, bar)?;
         let resolved = options.to_json();
-        return Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs });
+        return Ok(Baked {
+            report,
+            resolved,
+            settings: Vec::new(),
+            view,
+            gate: None,
+            inputs,
+            side_bytes: 0,
+        });
     }
     let report = repack(unpacked, &changes, &options.limits, output, bar)?;
     let resolved = changes.to_json();
-    Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs })
+    Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs, side_bytes: 0 })
 }
 
 /// Refuses options that packing a container again, or baking its finest level `anew`, would ignore.

@@ -34,6 +34,8 @@ pub struct Baked {
     pub gate: Option<GateReport>,
     /// The files that the container depends on.
     pub inputs: Vec<PathBuf>,
+    /// Bytes of the files that belong to the input, but for itself.
+    pub side_bytes: u64,
 }
 
 /// The files of a bake, and its cost.

@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         input: arguments.held.as_ref().map_or(&arguments.input, |held| held.path()),
         output: &arguments.output,
         seconds: clock.elapsed().as_secs_f64(),
-        input_bytes: input.length(),
+        input_bytes: input.length() + baked.side_bytes,
         bytes_read: input.bytes_read(),
         sha256,
     };

@@ -125,7 +125,15 @@ pub fn bake_trained(
     let reported = settings.report(&source);
     inputs.extend(arguments.gate.camera_file().into_iter().flat_map(CameraSource::paths));
     inputs.extend(arguments.fit.camera_file());
-    Ok(Baked { report, resolved, settings: reported, view, gate, inputs })
+    Ok(Baked {
+        report,
+        resolved,
+        settings: reported,
+        view,
+        gate,
+        inputs,
+        side_bytes: source.side_bytes(),
+    })
 }
 
 /// Opens a trained input with the settings that are found, and warns of those that are not.

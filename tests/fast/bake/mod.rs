@@ -6,5 +6,6 @@ mod fill;
 mod importance;
 mod max_error;
 mod nested;
+mod nested_edit;
 mod required;
 mod sweep;

@@ -23,6 +23,8 @@ pub struct Changes {
     pub max_bytes: Option<u64>,
     /// Finest levels to drop.
     pub without_finest: usize,
+    /// Outermost of nested boxes to drop, before anything else is changed.
+    pub without_outermost: usize,
     /// Levels that stay, at most: the coarsest are dropped, after `without_finest`.
     pub levels: Option<usize>,
     /// The box outside which everything becomes empty, in world coordinates.
@@ -131,6 +133,9 @@ impl Changes {
         }
         if self.without_finest > 0 {
             changes["without_finest"] = self.without_finest.into();
+        }
+        if self.without_outermost > 0 {
+            changes["without_outermost"] = self.without_outermost.into();
         }
         if let Some(crop) = &self.crop {
             changes["crop"] = json!(crop);

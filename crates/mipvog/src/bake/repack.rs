@@ -52,7 +52,6 @@ pub fn repack(
     progress: &dyn Progress,
 ) -> Result<BakeReport> {
     changes.check(&unpacked.metadata.march)?;
-    refuse_of_worlds(unpacked, changes)?;
     for level in unpacked.metadata.parts() {
         level.grid().nodes.check_planes(level.block_size, limits, &Place::File)?;
     }
@@ -63,7 +62,8 @@ pub fn repack(
     let stated = stated.filter(|&level| option_rules::zstd_level(level).is_ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
     let (edited, islands) = edited(unpacked, changes)?;
-    if islands.is_some() || changes.crop.is_some() {
+    let emptied = islands.is_some() || changes.crop.is_some();
+    if emptied || changes.without_outermost > 0 {
         stages.end("edit", 0);
     }
     let mut repacking = Repacking {
@@ -105,23 +105,32 @@ fn refuse_of_worlds(unpacked: &Unpacked, changes: &Changes) -> Result<()> {
     if shells == 0 {
         return Ok(());
     }
-    let expected = "a container of one box: this one has nested boxes";
+    let finest = "0: outside the smallest of nested boxes the next level is not all that there \
+                  is; bake with fewer nodes instead (resolution)";
     let found = changes.without_finest;
-    Error::require_option(found == 0, "without_finest", found, expected)?;
-    Error::require_option(changes.crop.is_none(), "crop", "a box", expected)?;
+    Error::require_option(found == 0, "without_finest", found, finest)?;
+    let expected =
+        "a container of one box: this one has nested boxes (without_outermost drops them)";
     let found = changes.drop_islands.unwrap_or(0);
     Error::require_option(changes.drop_islands.is_none(), "drop_islands", found, expected)?;
     let levels = changes.levels.unwrap_or(usize::MAX);
-    let expected = format!("more than {shells}: a level for each of the nested boxes");
+    let expected = format!(
+        "more than {shells}: a level for each of the nested boxes (without_outermost drops them)"
+    );
     Error::require_option(levels > shells, "levels", levels, &expected)
 }
 
 /// The container without what the changes empty or drop.
 fn edited(unpacked: &Unpacked, changes: &Changes) -> Result<(Unpacked, Option<IslandReport>)> {
     let mut edited = unpacked.clone();
+    edit::drop_outermost(&mut edited, changes.without_outermost)?;
+    // What is left of a world may be one box, which has more changes.
+    let of_world = changes.crop.filter(|_| !edited.metadata.shells.is_empty());
+    of_world.map_or(Ok(()), |bounds| edit::crop_world(&mut edited, &bounds))?;
+    refuse_of_worlds(&edited, changes)?;
     let islands = changes.drop_islands.map(|nodes| edit::drop_islands(&mut edited, nodes));
     let islands = islands.transpose()?;
-    if let Some(bounds) = &changes.crop {
+    if let (Some(bounds), None) = (&changes.crop, &of_world) {
         edit::crop(&mut edited, bounds)?;
     }
     edit::drop_finest(&mut edited, changes.without_finest)?;
@@ -239,7 +248,9 @@ impl Repacking<'_> {
             };
             return Ok((whole.packed, chosen));
         }
-        let levels = edited.levels.len().min(self.changes.levels.unwrap_or(usize::MAX));
+        // Finest levels of a world are not dropped.
+        let droppable = if edited.metadata.shells.is_empty() { edited.levels.len() } else { 1 };
+        let levels = droppable.min(self.changes.levels.unwrap_or(usize::MAX));
         max_bytes::search(bytes, levels, |dropped, factor| {
             let mut fewer = edited.clone();
             edit::drop_finest(&mut fewer, dropped)?;

@@ -4,7 +4,7 @@ use crate::base::error::Result;
 use crate::model::baked::{Occupancy, Table};
 use crate::unpacked::Unpacked;
 
-/// Keeps the stored blocks of a level that `keep` says so of, by their place. The others become
+/// Keeps the stored blocks of a part that `keep` says so of, by their place. The others become
 /// empty.
 ///
 /// # Errors
@@ -12,10 +12,10 @@ use crate::unpacked::Unpacked;
 /// None of its own.
 pub fn keep_blocks(
     unpacked: &mut Unpacked,
-    level: usize,
+    part: usize,
     keep: impl Fn([usize; 3]) -> bool,
 ) -> Result<()> {
-    let table = &unpacked.levels[level].table;
+    let table = &unpacked.levels[part].table;
     let [_, rows, length] = table.grid().counts();
     let mut occupancy = table.occupancy().to_vec();
     for (block, state) in occupancy.iter_mut().enumerate() {
@@ -24,8 +24,9 @@ pub fn keep_blocks(
         }
     }
     let table = Table::new(table.grid(), occupancy)?;
-    let metadata = &mut unpacked.metadata.levels[level];
-    (metadata.blocks_stored, metadata.blocks_filled) = (table.frames(), table.inherited());
-    unpacked.levels[level].table = table;
+    if let Some(metadata) = unpacked.metadata.parts_mut().nth(part) {
+        (metadata.blocks_stored, metadata.blocks_filled) = (table.frames(), table.inherited());
+    }
+    unpacked.levels[part].table = table;
     Ok(())
 }

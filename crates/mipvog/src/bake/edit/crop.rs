@@ -25,6 +25,7 @@ const ON_FACE: f64 = 1e-6;
 /// the container's.
 pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     let bounds = unpacked.metadata.bounds;
+    check_meets(asked, &bounds)?;
     let Some(finest) = unpacked.levels.first() else { return Ok(()) };
     let nodes = finest.table.grid().nodes;
     let spacing = nodes.spacing(&bounds);
@@ -35,15 +36,6 @@ pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     for (axis, range) in range.iter_mut().enumerate() {
         let (low, high) = (at(asked.min[axis], axis), at(asked.max[axis], axis));
         let end = cells[axis] as f64;
-        // A number that is not finite is no bound either.
-        if !(low < high && low < end && high > 0.0) {
-            let found = format!("{:?} to {:?}", asked.min, asked.max);
-            let expected = format!(
-                "a box with its lowest corner first that meets {:?} to {:?}",
-                bounds.min, bounds.max
-            );
-            return Err(Error::invalid_option("crop", found, expected));
-        }
         // A face that is a node but for rounding is that node.
         let slack = ON_FACE * end;
         *range = [(low + slack).floor().max(0.0) as usize, (high - slack).ceil().min(end) as usize];
@@ -75,6 +67,24 @@ pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     });
     unpacked.metadata.free_space = true;
     Ok(())
+}
+
+/// Refuses a box that is none, or that does not meet the container's.
+pub(super) fn check_meets(asked: &Bounds, bounds: &Bounds) -> Result<()> {
+    // A number that is not finite is no bound either.
+    let meets = |axis: usize| {
+        let (low, high) = (asked.min[axis], asked.max[axis]);
+        low < high && low < bounds.max[axis] && high > bounds.min[axis]
+    };
+    if (0..3).all(meets) {
+        return Ok(());
+    }
+    let found = format!("{:?} to {:?}", asked.min, asked.max);
+    let expected = format!(
+        "a box with its lowest corner first that meets {:?} to {:?}",
+        bounds.min, bounds.max
+    );
+    Err(Error::invalid_option("crop", found, expected))
 }
 
 /// A mask that is inside between `[lowest, highest]` corners. Along each axis it has two nodes that

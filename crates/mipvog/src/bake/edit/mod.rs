@@ -1,14 +1,19 @@
 //! Changes to what an unpacked container holds, before it is packed again: parts that become empty
-//! (`crop`, `islands`), and finest levels that go (`finest`).
+//! (`crop`, `crop_world`, `islands`), and levels that go: the finest ones (`finest`), or those of the
+//! outermost boxes of a world (`outermost`).
 //!
 //! Values of stored nodes stay as they are. Emptied blocks lose their frames, emptied nodes read as
 //! the level's empty value.
 
 mod blocks;
 mod crop;
+mod crop_world;
 mod finest;
 mod islands;
+mod outermost;
 
 pub use crop::crop;
+pub use crop_world::crop_world;
 pub use finest::{drop_finest, drop_from_metadata};
 pub use islands::drop_islands;
+pub use outermost::drop_outermost;
