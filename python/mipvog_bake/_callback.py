@@ -32,6 +32,7 @@ class Callback:
         self.calls = 0
         self.rows = 0
         self._name, self._function, self._width = name, function, width
+        self._is_color = name == "color"
         self._warned = False
         self._named_device = device is not None
         _warn_of_training(name, function)
@@ -95,7 +96,7 @@ class Callback:
             values = plain_floats(np.asarray(tensor_values(found)))
         except (TypeError, ValueError, RuntimeError) as error:
             raise self._bad(f"{type(found).__name__} ({error})", "an array or a tensor") from error
-        if self._width == 3 and values.dtype.kind in "iu":
+        if self._is_color and values.dtype.kind in "iu":
             help = "divide the colours by 255: they are 0 to 1"
             raise self._bad(f"whole numbers, dtype {values.dtype}", "colours 0 to 1", help)
         if values.dtype.kind not in "fiu":
@@ -108,7 +109,7 @@ class Callback:
         if not np.isfinite(values).all():
             bad = int(np.count_nonzero(~np.isfinite(values)))
             raise self._bad(f"{bad} numbers that are not finite", "finite numbers")
-        if self._width == 3 and not self._warned and values.size:
+        if self._is_color and not self._warned and values.size:
             low, high = float(values.min()), float(values.max())
             if low < -_FAR_OUTSIDE or high > 1 + _FAR_OUTSIDE:
                 self._warned = True

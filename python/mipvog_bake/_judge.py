@@ -31,16 +31,18 @@ Doubles = npt.NDArray[np.float64]
 
 def judge(
     field: Field,
-    lattice: Lattice,
+    lattices: list[Lattice],
     density: Callback,
     color: Callback,
     background: list[float],
     points: int,
 ) -> dict[str, float]:
-    """Marches rays from all around through the middle parts of the box. `picture_psnr` compares
-    their colours, and the transmittances are means over rays, of the field and of the model."""
-    origins, ways = _rays(lattice)
-    own, left = _march(lattice, density, color, background, points, origins, ways)
+    """Marches rays from all around through the middle parts of the box; of a world, from within the
+    first of its boxes. `picture_psnr` compares their colours, and the transmittances are means over
+    rays, of the field and of the model."""
+    lattice = lattices[0]
+    origins, ways = _rays(lattice) if len(lattices) == 1 else _looks(lattice, density)
+    own, left = _march(lattices, density, color, background, points, origins, ways)
     rgb, shown, _ = field.probe(origins, ways)
     square = float(((np.clip(rgb, 0, 1) - np.clip(own, 0, 1)) ** 2).mean())
     found = {
@@ -62,20 +64,52 @@ def _rays(lattice: Lattice) -> tuple[Doubles, Doubles]:
     """Origins on a sphere around the box, and unit directions to points inside of it."""
     extent = lattice.high - lattice.low
     middle = 0.5 * (lattice.high + lattice.low)
+    origins = middle + _sphere() * _EYE * 0.5 * float(np.linalg.norm(extent))
+    ways = _inside(lattice) - origins
+    return origins, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+
+def _sphere() -> Doubles:
+    """Unit vectors all around, on a spiral."""
     number = np.arange(RAYS)
     height = 1 - (2 * number + 1) / RAYS
     around = number * math.pi * (3 - math.sqrt(5))
     flat = np.sqrt(1 - height**2)
-    sphere = np.stack([flat * np.cos(around), flat * np.sin(around), height], axis=-1)
-    origins = middle + sphere * _EYE * 0.5 * float(np.linalg.norm(extent))
-    # The R3 sequence spreads points evenly; its base solves x**4 = x + 1.
-    shares = (0.5 + number[:, None] / 1.2207440846057596 ** np.arange(1, 4)) % 1
-    ways = lattice.low + (0.15 + 0.7 * shares) * extent - origins
-    return origins, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    return np.stack([flat * np.cos(around), flat * np.sin(around), height], axis=-1)
+
+
+def _inside(lattice: Lattice) -> Doubles:
+    """Points inside of a box, spread evenly by the R3 sequence; its base solves x**4 = x + 1."""
+    shares = (0.5 + np.arange(RAYS)[:, None] / 1.2207440846057596 ** np.arange(1, 4)) % 1
+    places: Doubles = lattice.low + (0.15 + 0.7 * shares) * (lattice.high - lattice.low)
+    return places
+
+
+def _looks(lattice: Lattice, density: Callback) -> tuple[Doubles, Doubles]:
+    """Origins in a box where nothing is, and unit directions all around."""
+    places = _inside(lattice)
+    free = places[density(places.astype(np.float32)) <= lattice.faint]
+    places = np.resize(free, places.shape) if len(free) else places
+    return places, _sphere()
+
+
+def _edges(lattice: Lattice, far: float) -> tuple[Doubles, Doubles]:
+    """Where steps of rays from within a box begin, and their lengths, which double with the
+    distance: beyond the diagonal of a box, a ray has left it."""
+    step = float(lattice.spacing.min()) / SAMPLES
+    reach = float(np.linalg.norm(lattice.high - lattice.low))
+    starts, widths, at = [], [], 0.0
+    while at < far:
+        end = min(reach, far)
+        count = max(1, math.ceil((end - at) / step))
+        starts.append(at + np.arange(count) * step)
+        widths.append(np.full(count, step))
+        at, reach, step = at + count * step, 2 * reach, 2 * step
+    return np.concatenate(starts), np.concatenate(widths)
 
 
 def _march(
-    lattice: Lattice,
+    lattices: list[Lattice],
     density: Callback,
     color: Callback,
     background: list[float],
@@ -83,15 +117,23 @@ def _march(
     origins: Doubles,
     ways: Doubles,
 ) -> tuple[Doubles, Doubles]:
-    """Colours and transmittances of rays through the model itself."""
+    """Colours and transmittances of rays through the model itself, to where they leave the last of
+    the boxes."""
+    last = lattices[-1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        faces = np.stack([lattice.low - origins, lattice.high - origins]) / ways
+        faces = np.stack([last.low - origins, last.high - origins]) / ways
     near = np.maximum(np.nanmin(faces, axis=0).max(axis=1), 0)
     far = np.nanmax(faces, axis=0).min(axis=1)
-    step = float(lattice.spacing.min()) / SAMPLES
     # Half a step, other for every ray: no surface lies between the samples of all.
     offset = (0.5 + np.arange(len(ways)) * 0.6180339887498949) % 1
-    steps = np.maximum(np.floor((far - near) / step - offset).astype(np.int64) + 1, 0)
+    if len(lattices) == 1:
+        step = float(last.spacing.min()) / SAMPLES
+        count = max(0, int(np.max((far - near) / step)) + 2)
+        starts, widths = np.arange(count) * step, np.full(count, step)
+    else:
+        starts, widths = _edges(lattices[0], float(far.max()))
+    reach = (far - near)[:, None] >= starts + offset[:, None] * widths
+    steps = reach.sum(axis=1)
     rgb, left = np.zeros((len(ways), 3)), np.ones(len(ways))
     at_once = max(1, points // max(1, int(steps.max(initial=0))))
     for first in range(0, len(ways), at_once):
@@ -99,16 +141,16 @@ def _march(
         ray = np.repeat(own, steps[own])
         if not ray.size:
             continue
-        starts = np.cumsum(steps[own]) - steps[own]
-        number = np.arange(ray.size) - np.repeat(starts, steps[own])
-        t = near[ray] + (number + offset[ray]) * step
+        firsts = np.cumsum(steps[own]) - steps[own]
+        number = np.arange(ray.size) - np.repeat(firsts, steps[own])
+        t = near[ray] + starts[number] + offset[ray] * widths[number]
         places = (origins[ray] + t[:, None] * ways[ray]).astype(np.float32)
         depth = np.concatenate(
             [density(places[at : at + points]) for at in range(0, len(places), points)]
         )
-        depth = np.maximum(depth, 0).astype(np.float64) * step
+        depth = np.maximum(depth, 0).astype(np.float64) * widths[number]
         before = np.cumsum(depth) - depth
-        before -= np.repeat(before[starts[steps[own] > 0]], steps[own][steps[own] > 0])
+        before -= np.repeat(before[firsts[steps[own] > 0]], steps[own][steps[own] > 0])
         weight = np.exp(-before) * -np.expm1(-depth)
         seen = np.flatnonzero((weight > _LEAST) & (np.exp(-before) > _OPAQUE))
         for part in np.array_split(seen, max(1, -(-len(seen) // points))):

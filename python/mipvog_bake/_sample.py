@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
-from typing import Any, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -69,10 +69,15 @@ class Lattice:
 
 
 def occupied_blocks(
-    lattice: Lattice, density: Callback, points: int, tell: Callable[[float], object]
+    lattice: Lattice,
+    smaller: Optional[Lattice],
+    density: Callback,
+    points: int,
+    tell: Callable[[float], object],
 ) -> npt.NDArray[np.int64]:
-    """The blocks with matter in them or beside them, `[n, 3]`, in order. `tell` is called with the
-    share of the nodes that were looked at."""
+    """The blocks with matter in them or beside them, `[n, 3]`, in order; what lies within a smaller
+    box, more than a node from its faces, is not looked at. `tell` is called with the share of the
+    nodes that were looked at."""
     blocks = lattice.blocks
     kept = np.zeros(blocks, dtype=bool)
     ny, nz = lattice.counts[1:]
@@ -85,7 +90,10 @@ def occupied_blocks(
             index = np.arange(start, min(start + points, flat.size))
             x, y, z = np.unravel_index(index, (count, ny, nz))
             places = lattice.place(np.stack([x + first, y, z], axis=-1))
-            flat[index] = density(places) > lattice.faint
+            asked = _outside(places, lattice, smaller)
+            flat[index] = False
+            if asked.any():
+                flat[index[asked]] = density(places[asked]) > lattice.faint
             tell((first * ny * nz + index[-1] + 1) / int(lattice.counts.prod()))
         matter[:, :ny, :nz] = flat.reshape(count, ny, nz)
         kept[layer] |= _blocks_near(np.asarray(matter.any(axis=0)))
@@ -94,6 +102,17 @@ def occupied_blocks(
         if layer + 1 < blocks[0]:
             kept[layer + 1] |= _blocks_near(matter[-1])
     return np.argwhere(kept)
+
+
+def _outside(
+    places: npt.NDArray[np.float32], lattice: Lattice, smaller: Optional[Lattice]
+) -> Bools:
+    """True of places that are not deep within a smaller box."""
+    if smaller is None:
+        return np.ones(len(places), dtype=bool)
+    low, high = smaller.low + lattice.spacing, smaller.high - lattice.spacing
+    outside: Bools = np.asarray(((places < low) | (places > high)).any(axis=1))
+    return outside
 
 
 def _blocks_near(plane: npt.NDArray[Any]) -> Bools:

@@ -2,14 +2,13 @@
 
     python -m mipvog_bake.nerfstudio outputs/chair/nerfacto/2026-01-01/config.yml -o chair.mipvog
 
-The box is the scene's own, or `--bounds`. A contracted scene is baked inside of the part that
-contraction leaves as it is, and refused beyond. Options of `mipvog-bake bake` may follow.
+The box is the scene's own, or `--bounds`. A contracted scene is baked whole, in boxes around the
+cube of half size 1, unless there are `--bounds`. Options of `mipvog-bake bake` may follow.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -49,33 +48,16 @@ def functions(field: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
     return density, color
 
 
-def crop_box(
+def space(
     field: Any, scene_box: Any, bounds: Optional[Sequence[float]] = None
-) -> list[list[float]]:
-    """The box to bake: that of the scene, or the one that is given. Refuses one that reaches into
-    contracted space."""
-    given = bounds is not None
-    corners = list(bounds) if bounds is not None else scene_box.aabb.reshape(-1).tolist()
-    box = [[float(value) for value in corners[:3]], [float(value) for value in corners[3:]]]
+) -> tuple[list[list[float]], Optional[Callable[..., Any]]]:
+    """The box to bake and what lies around it: that of the scene, or the one that is given, without
+    surroundings; of a contracted scene, the cube that is as it was and the contraction."""
     distortion = getattr(field, "spatial_distortion", None)
-    if distortion is None:
-        return box
-    order = getattr(distortion, "order", None)
-    if order == math.inf:
-        inner = f"the inner cube from {-1.0} to {1.0}"
-        inside = all(abs(value) <= 1 for value in corners)
-    else:
-        inner = "the inner sphere of radius 1"
-        inside = math.hypot(*(max(abs(a), abs(b)) for a, b in zip(*box, strict=True))) <= 1
-    if not inside:
-        source = "--bounds" if given else "the scene"
-        raise Error(
-            f"found the box {box} of {source}, and the scene is contracted outside of {inner}",
-            kind="unsupported",
-            exit_code=4,
-            help="pass --bounds with a box inside of it: a container holds no contracted space",
-        )
-    return box
+    if bounds is None and distortion is not None:
+        return [[-1.0] * 3, [1.0] * 3], distortion
+    corners = list(bounds) if bounds is not None else scene_box.aabb.reshape(-1).tolist()
+    return [[float(value) for value in corners[:3]], [float(value) for value in corners[3:]]], None
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -92,7 +74,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         type=float,
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
-        help="the box to bake, in the units of training [default: the scene's box]",
+        help="the box to bake, in the units of training [default: all of the scene]",
     )
     parser.add_argument("--sh-degree", type=int, default=2, help="0 to 3 [default: 2]")
     parser.add_argument("--device", help="of torch, such as cpu or cuda:1 [default: the model's]")
@@ -147,10 +129,12 @@ def _bake_config(known: argparse.Namespace, options: dict[str, Any]) -> dict[str
     if known.device is not None:
         field.to(known.device)
     density, color = functions(field)
+    bounds, contraction = space(field, model.scene_box, known.bounds)
     sampled = from_model(
         density,
         color,
-        bounds=crop_box(field, model.scene_box, known.bounds),
+        bounds=bounds,
+        contraction=contraction,
         resolution=known.resolution,
         sh_degree=known.sh_degree,
         device=next(field.parameters()).device,

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use mipvog::base::error::Result;
 use mipvog::base::limits::Limits;
+use mipvog::model::field::Lattice;
+use mipvog::model::grid::{Bounds, Nodes};
 use mipvog::model::harmonics::basis_f64;
 use mipvog_inputs::network::{CellViews, Fit};
 use mipvog_inputs::{self, Source, SourceOptions, tensor};
@@ -28,14 +30,18 @@ pub struct NativeFit {
 
 #[pymethods]
 impl NativeFit {
-    /// Of sampled arrays, whose density counts alone, and of places of cameras.
+    /// Of sampled arrays, whose density counts alone, and of places of cameras. What surrounds
+    /// another box, `inner`, is seen from there.
     #[new]
+    #[pyo3(signature = (arrays, degree, cameras, inner=None))]
     fn new(
         py: Python<'_>,
         arrays: &Bound<'_, Arrays>,
         degree: usize,
         cameras: Vec<[f64; 3]>,
+        inner: Option<[[f32; 3]; 2]>,
     ) -> PyResult<Self> {
+        let inner = inner.map(|[min, max]| Bounds { min, max });
         let file = arrays.get().file();
         let made = watched_on_threads(py, None, |watch| {
             let limits = Limits::default();
@@ -43,8 +49,8 @@ impl NativeFit {
             let Source { field, .. } =
                 mipvog_inputs::open_tensors(&tensors, &SourceOptions::default(), &limits)?;
             let offset = field.harmonics().map_or(0.5, |rules| f64::from(rules.offset));
-            let fitted = CellViews::of_fit(&field, degree, &cameras, &limits, &**watch)?;
-            let judged = CellViews::of_held_out(&field, &cameras, &limits, &**watch)?;
+            let fitted = CellViews::of_fit(&field, degree, &cameras, inner, &limits, &**watch)?;
+            let judged = CellViews::of_held_out(&field, &cameras, inner, &limits, &**watch)?;
             Result::Ok(Self { fitted, judged, functions: (degree + 1).pow(2), offset })
         })?;
         made.map_err(|error| raised(py, &error))
@@ -133,6 +139,17 @@ fn directions<'py>(
 fn places(nodes: &PyReadonlyArray2<'_, i64>) -> PyResult<Vec<[usize; 3]>> {
     let rows = nodes.as_slice()?.as_chunks::<3>().0;
     Ok(rows.iter().map(|node| node.map(|at| at.max(0) as usize)).collect())
+}
+
+/// The box around a box of nodes with nodes twice as far apart: its corners and its nodes.
+#[pyfunction]
+pub fn doubled(
+    min: [f32; 3],
+    max: [f32; 3],
+    nodes: [usize; 3],
+) -> ([f32; 3], [f32; 3], [usize; 3]) {
+    let Lattice { bounds, nodes } = Lattice::new(Bounds { min, max }, Nodes(nodes)).doubled();
+    (bounds.min, bounds.max, nodes.0)
 }
 
 /// Values of the first functions along unit directions, flat, direction by direction.

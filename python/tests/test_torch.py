@@ -199,6 +199,7 @@ def test_a_field_of_nerfstudio_looks_like_itself(fields, name, tmp_path, monkeyp
     (tmp_path / "config.yml").write_text("a training")
     output = str(tmp_path / "scene.mipvog")
     words = [str(tmp_path / "config.yml"), "-o", output, "--resolution", "28", "--levels=1"]
+    words += ["--bounds", "-1", "-1", "-1", "1", "1", "1"]
     assert command.main(words) == 0, capsys.readouterr().err
     assert "dB along directions" in capsys.readouterr().out
     assert command.main(words) == 7 and "--force" in capsys.readouterr().err
@@ -209,12 +210,31 @@ def test_a_field_of_nerfstudio_looks_like_itself(fields, name, tmp_path, monkeyp
     assert psnr(found, own) > 30
 
 
-def test_contracted_space_is_refused_with_a_sentence(fields):
+def test_contracted_space_is_baked_whole(fields, tmp_path):
     field = fields["nerfacto"]
-    assert command.crop_box(field, scene_box()) == [[-1.0] * 3, [1.0] * 3]
-    with pytest.raises(mipvog_bake.Error, match="contracted outside of the inner cube") as raised:
-        command.crop_box(field, scene_box(1.5))
-    assert raised.value.exit_code == 4
-    with pytest.raises(mipvog_bake.Error, match="--bounds"):
-        command.crop_box(field, scene_box(), [-1, -1, -1, 1, 1, 1.1])
-    assert command.crop_box(fields["vanilla"], scene_box(1.5))[1] == [1.5] * 3
+    bounds, contraction = command.space(field, scene_box(1.5))
+    assert bounds == [[-1.0] * 3, [1.0] * 3]
+    assert command.space(field, scene_box(), [-2, -1, -1, 1, 1, 1]) == (
+        [[-2.0, -1.0, -1.0], [1.0, 1.0, 1.0]],
+        None,
+    )
+    assert command.space(fields["vanilla"], scene_box(1.5)) == ([[-1.5] * 3, [1.5] * 3], None)
+    density, color = command.functions(field)
+    world = mipvog_bake.from_model(
+        density,
+        color,
+        bounds=bounds,
+        contraction=contraction,
+        resolution=25,
+        sh_degree=1,
+        device="cpu",
+    )
+    # Nodes are 1/12 apart; from 8 to 16 half sides there is 1/16 of contracted space.
+    assert world.report["boxes"] == 4
+    mipvog_bake.bake(world, tmp_path / "world.mipvog")
+    places = np.random.default_rng(2).uniform(-5, 5, size=(300, 3)).astype(np.float32)
+    found = mipvog_bake.open(tmp_path / "world.mipvog").sample(places)["density"]
+    with torch.no_grad():
+        own = density(torch.from_numpy(places)).numpy().ravel()
+    # A node is the mean of its voxel.
+    assert np.median(np.abs(found - own) / own) < 0.1

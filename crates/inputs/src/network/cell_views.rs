@@ -2,7 +2,7 @@
 
 use super::cell_visibility::CellVisibility;
 use super::fit::Fit;
-use super::views::{Views, held_out_eyes};
+use super::views::{Views, held_out_eyes, held_out_within};
 use crate::base::error::Result;
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
@@ -40,8 +40,8 @@ impl CellViews {
         Self { inner: Some(inner), ..self }
     }
 
-    /// Of the cameras that a fit of a degree uses; from all around if they are few. `geometry` is
-    /// the field, whose colours do not count.
+    /// Of the cameras that a fit of a degree uses; if they are few, from all around, or from places
+    /// in `inner` where `geometry` surrounds that box. Its colours do not count.
     ///
     /// # Errors
     /// Those of reading density, and a request to stop.
@@ -49,10 +49,14 @@ impl CellViews {
         geometry: &RadianceField,
         degree: usize,
         cameras: &[[f64; 3]],
+        inner: Option<Bounds>,
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Self::find(geometry, Views::new(cameras), degree, limits, progress)
+        let views = Views::new(cameras);
+        let views = inner.map_or_else(|| views.clone(), |inner| views.within(&inner));
+        let found = Self::find(geometry, views, degree, limits, progress)?;
+        Ok(Self { inner, ..found })
     }
 
     /// Of the eyes held out of a fit to these cameras.
@@ -62,11 +66,16 @@ impl CellViews {
     pub fn of_held_out(
         geometry: &RadianceField,
         cameras: &[[f64; 3]],
+        inner: Option<Bounds>,
         limits: &Limits,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let eyes = held_out_eyes(cameras, &geometry.scene.bounds);
-        Self::find(geometry, Views::Cameras(eyes), 0, limits, progress)
+        let eyes = match inner {
+            Some(inner) => held_out_within(cameras, &inner),
+            None => Views::Cameras(held_out_eyes(cameras, &geometry.scene.bounds)),
+        };
+        let found = Self::find(geometry, eyes, 0, limits, progress)?;
+        Ok(Self { inner, ..found })
     }
 
     /// Of all views that see a cell, as many as a fit of a degree takes.

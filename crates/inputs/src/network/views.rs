@@ -121,6 +121,14 @@ pub fn held_out_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
     spiral(HELD_OUT_AROUND, TURN).into_iter().map(eye).collect()
 }
 
+/// The same of what surrounds a box: places in it if the cameras are few.
+pub(super) fn held_out_within(cameras: &[[f64; 3]], inner: &Bounds) -> Views {
+    match cameras.len() >= LEAST_CAMERAS {
+        true => Views::Cameras(held_out_eyes(cameras, inner)),
+        false => Views::Around(spiral(HELD_OUT_AROUND, TURN)).within(inner),
+    }
+}
+
 /// True for cameras that no fit uses.
 fn is_held_out(number: usize) -> bool {
     number % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
