@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::common::grids::{SmallGrid, Values};
 use crate::common::models::{renderer, small};
 use crate::common::msgpack::{Pack, gzip, zlib};
-use crate::common::ngp::{CELLS, FEATURES, SmallNgp, small_ngp};
+use crate::common::ngp::{CELLS, FEATURES, SmallNgp, large_torch_ngp, small_ngp};
 use crate::common::{Random, folder};
 use glam::DVec3;
 use mipvog::bake::{BakeOptions, Baker};
@@ -109,18 +109,20 @@ fn checkpoint(model: &SmallNgp) -> SmallGrid {
         offsets.push(offsets.last().expect("one") + level.entries() as i32);
     }
     let entries = *offsets.last().expect("one") as usize;
-    let bits = model
-        .occupied
+    let cells = [&model.occupied].into_iter().chain(&model.around).flatten();
+    let cells: Vec<bool> = cells.copied().collect();
+    let bits = cells
         .chunks(8)
         .map(|bits| bits.iter().rev().fold(0, |byte, full| byte << 1 | u8::from(*full)));
     let bits: Vec<u8> = bits.collect();
     let matrix =
         |rows: &Vec<Vec<f32>>| (vec![rows.len(), rows[0].len()], Values::F32(rows.concat()));
+    let half = model.bound as f32;
     let mut arrays = vec![
         ("model.encoder.embeddings", vec![entries, FEATURES], Values::F32(model.table.clone())),
         ("model.encoder.offsets", vec![offsets.len()], Values::I32(offsets)),
         ("model.density_bitfield", vec![bits.len()], Values::U8(bits)),
-        ("model.aabb_train", vec![6], Values::F32(vec![-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])),
+        ("model.aabb_train", vec![6], Values::F32([[-half; 3], [half; 3]].concat())),
     ];
     let names = ["model.sigma_net.0.weight", "model.sigma_net.1.weight"];
     arrays.extend(names.into_iter().zip(&model.density).map(|(name, rows)| {
@@ -147,14 +149,47 @@ fn checkpoints_of_torch_ngp_show_what_their_networks_say() {
     let source = small(&checkpoint(&model)).expect("a checkpoint");
     assert_eq!((source.family, source.scene_scale), (Family::TorchNgp, 0.33));
     agrees(&model, &source);
-    let mut larger = checkpoint(&model);
-    larger.arrays[3].2 = Values::F32(vec![-2.0, -2.0, -2.0, 2.0, 2.0, 2.0]);
-    let error = small(&larger).expect_err("a larger scene");
-    assert!(error.to_string().contains("--drop-background"), "{error}");
     let mut other = checkpoint(&model);
     other.arrays[1].2 = Values::I32(vec![0, 4920, 13112, 21304, 29488]);
     let error = small(&other).expect_err("another table");
     assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
+}
+
+#[test]
+fn larger_scenes_of_torch_ngp_follow_its_rules() {
+    for (bound, boxes) in [(2.0, 1), (3.0, 2)] {
+        let model = large_torch_ngp(bound, 6);
+        let source = small(&checkpoint(&model)).expect("a checkpoint");
+        assert!(source.is_unbounded);
+        assert_eq!(source.field.shells.len(), boxes);
+        let shown = renderer(&source);
+        let mut random = Random::new(8);
+        let mut vector =
+            |size: f32| DVec3::from_array([(); 3].map(|()| f64::from(random.between(-size, size))));
+        // From within, and from beyond the scene.
+        let rays: Vec<Ray> = (0..80)
+            .map(|number| {
+                let origin = vector(if number < 60 { 2.5 } else { 20.0 });
+                Ray { origin, direction: (vector(2.5) - origin).normalize() }
+            })
+            .collect();
+        let light = shown.ray_colors(&rays, 0, &Silent).expect("rays");
+        let (mut seen, mut off_rays) = (0, 0);
+        for (ray, found) in rays.iter().zip(light) {
+            let (color, passes) = model.long_ray(ray.origin.to_array(), ray.direction.to_array());
+            seen += usize::from((0.05..0.95).contains(&passes));
+            let off = (0..3).map(|c| (f64::from(found.color[c]) - color[c]).abs());
+            let off = off.fold((f64::from(found.transmittance) - passes).abs(), f64::max);
+            // A sample on the face of a cell is in either.
+            off_rays += usize::from(off > 2e-5);
+        }
+        assert!(seen > 30 && off_rays <= 1, "{seen} seen, {off_rays} differ");
+        let mut short = checkpoint(&model);
+        short.arrays[2].1 = vec![128 * 128 * 128 / 8];
+        short.arrays[2].2 = Values::U8(vec![0; 128 * 128 * 128 / 8]);
+        let error = small(&short).expect_err("cells of the first cube alone");
+        assert!(matches!(error.kind(), ErrorKind::Malformed { .. }), "{error}");
+    }
 }
 
 #[test]

@@ -29,6 +29,10 @@ pub struct SmallNgp {
     pub density: Vec<Vec<Vec<f32>>>,
     pub color: Vec<Vec<Vec<f32>>>,
     pub occupied: Vec<bool>,
+    /// Cells of the cubes around the first one.
+    pub around: Vec<Vec<bool>>,
+    /// The table spans so many unit cubes along an edge.
+    pub bound: f64,
     /// Of torch-ngp: nodes along an axis more, other inputs, another unit.
     pub is_torch: bool,
 }
@@ -79,7 +83,31 @@ pub fn small_ngp(ratio: f64, is_torch: bool, cells: usize, seed: u64) -> SmallNg
         let far = (0..3).map(|axis| away(axis).powi(2)).sum::<f64>().sqrt();
         occupied[morton(at)] = far < 0.27;
     }
-    SmallNgp { levels, table, density, color, occupied, is_torch }
+    SmallNgp { levels, table, density, color, occupied, around: Vec::new(), bound: 1.0, is_torch }
+}
+
+/// A model of torch-ngp in a box from -`bound` to `bound`, of at most 4, with patches of occupied
+/// cells in all of its cubes.
+pub fn large_torch_ngp(bound: f64, seed: u64) -> SmallNgp {
+    let mut model = small_ngp((2048.0 * bound / 16.0).powf(1.0 / 3.0), true, 128, seed);
+    let cubes = if bound > 2.0 { 2 } else { 1 };
+    for cube in 0..=cubes {
+        let is_full = |cell: usize| {
+            let at = [cell % 128, cell / 128 % 128, cell / 128 / 128];
+            (at[0] / 16 + at[1] / 16 + at[2] / 16 + cube) % 3 == 0
+        };
+        let mut cells = vec![false; 128usize.pow(3)];
+        for cell in 0..cells.len() {
+            cells[morton([cell % 128, cell / 128 % 128, cell / 128 / 128])] = is_full(cell);
+        }
+        match cube {
+            0 => model.occupied = cells,
+            _ => model.around.push(cells),
+        }
+    }
+    // Thin, so that rays come far.
+    model.density[1][0].iter_mut().for_each(|weight| *weight *= 0.1);
+    SmallNgp { bound, ..model }
 }
 
 impl Level {
@@ -213,7 +241,7 @@ impl SmallNgp {
             }
             values
         };
-        let geometry = run(&self.density, self.encode(at));
+        let geometry = run(&self.density, self.encode(at.map(|at| (at - 0.5) / self.bound + 0.5)));
         let seen = harmonics(direction).to_vec();
         let inputs = match self.is_torch {
             true => [seen, geometry[1..].to_vec()].concat(),
@@ -250,6 +278,47 @@ impl SmallNgp {
         let side = self.side();
         at.iter().all(|at| (0.0..1.0).contains(at))
             && self.occupied[morton(at.map(|at| (at * side as f64) as usize))]
+    }
+
+    /// Of torch-ngp, in its own units: a position, and the step to the next sample.
+    fn is_occupied_by_step(&self, at: [f64; 3], step: f64) -> bool {
+        // The exponent that `frexp` gives, from 0 to that of the last cube.
+        let last = self.around.len() as i32;
+        let exponent = |value: f64| (value.log2().floor() as i32 + 1).clamp(0, last);
+        let most = at.iter().fold(0.0f64, |most, at| most.max(at.abs()));
+        let cube = exponent(most).max(exponent(step * 64.0));
+        let half = 2f64.powi(cube).min(self.bound);
+        let cell = at.map(|at| ((0.5 * (at / half + 1.0) * 128.0) as usize).min(127));
+        match cube {
+            0 => self.occupied[morton(cell)],
+            cube => self.around[cube as usize - 1][morton(cell)],
+        }
+    }
+
+    /// Colour over white and transmittance of a ray of torch-ngp's larger scenes.
+    pub fn long_ray(&self, origin: [f64; 3], [x, y, z]: [f64; 3]) -> ([f64; 3], f64) {
+        let (from, way) = (self.to_cube(origin).map(|at| 2.0 * at - 1.0), [y, z, x]);
+        let (mut t, mut end) = (0.2f64, f64::INFINITY);
+        for axis in 0..3 {
+            let a = (-self.bound - from[axis]) / way[axis];
+            let b = (self.bound - from[axis]) / way[axis];
+            (t, end) = (t.max(a.min(b)), end.min(a.max(b)));
+        }
+        let root = 3f64.sqrt();
+        let longest = 2.0 * root * 2f64.powi(self.around.len() as i32) / 128.0;
+        let (mut passes, mut color) = (1.0, [0.0; 3]);
+        while t < end && passes >= 1e-4 {
+            let at = [0, 1, 2].map(|axis| from[axis] + t * way[axis]);
+            let step = (t / 128.0).clamp(2.0 * root / 1024.0, longest);
+            t += step;
+            if self.is_occupied_by_step(at, step) {
+                let (density, seen) = self.evaluate(at.map(|at| 0.5 * (at + 1.0)), way);
+                let alpha = 1.0 - (-density * 0.5 * step).exp();
+                (0..3).for_each(|channel| color[channel] += passes * alpha * seen[channel]);
+                passes *= 1.0 - alpha;
+            }
+        }
+        (color.map(|value| value + passes), passes)
     }
 
     /// Optical depth of a world unit, and colours along directions of the world.

@@ -14,13 +14,24 @@ use crate::packets::{
     HashField, HashGrid, HashNetwork, Layer, Levels, Matrix, Values, ViewNetwork,
 };
 
+/// How steps grow with the distance.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Growth {
+    /// They do not.
+    None,
+    /// By a ratio; samples lie at whole numbers of steps, whatever ray they are of.
+    Ratio(GrowingSteps),
+    /// Each is a share of the distance, up to a longest one. Longer ones look at larger cells.
+    Share { share: f64, longest: f64 },
+}
+
 /// The rules of a ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
     /// Length of a step, in edges of the unit cube; of the least one where they grow.
     pub(super) step: f64,
-    /// Steps that grow with the distance.
-    pub(super) growing: Option<GrowingSteps>,
+    /// How steps grow with the distance.
+    pub(super) growth: Growth,
     /// Transmittance below which a ray ends.
     pub(super) min_transmittance: f64,
     /// True if the colour is divided by the opacity there.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::evaluate::Ngp;
-use super::file::{NgpFile, Rules};
+use super::file::{Growth, NgpFile, Rules};
 use super::frame::Frame;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
@@ -58,14 +58,15 @@ struct Sample {
 impl Path {
     /// Goes to the next sample. Returns the step.
     fn advance(&mut self, rules: &Rules) -> f64 {
-        let Some(growing) = &rules.growing else {
-            self.t += rules.step;
-            return rules.step;
+        let step = match &rules.growth {
+            Growth::None => rules.step,
+            Growth::Share { share, longest } => (self.t * share).max(rules.step).min(*longest),
+            Growth::Ratio(growing) => {
+                self.number += 1.0;
+                growing.distance(self.number) - self.t
+            }
         };
-        self.number += 1.0;
-        let next = growing.distance(self.number);
-        let step = next - self.t;
-        self.t = next;
+        self.t += step;
         step
     }
 }
@@ -77,7 +78,12 @@ impl Loaded {
         while samples.len() < LANES && path.t <= path.end && left.take() {
             let (t, at) = (path.t, point_at(path.origin, path.direction, path.t));
             let step = path.advance(&self.file.rules);
-            if self.file.occupancy.contains(at) {
+            let occupancy = &self.file.occupancy;
+            let is_occupied = match self.file.rules.growth {
+                Growth::Share { .. } => occupancy.contains_by_step(at, step),
+                Growth::None | Growth::Ratio(_) => occupancy.contains(at),
+            };
+            if is_occupied {
                 samples.push(Sample { t, at, step });
             }
         }
@@ -96,8 +102,10 @@ impl TrainedModel for Loaded {
         let (enters, far) = (enters.max(0.0), rules.farthest() * frame.scale);
         let t = enters.min(far).max(f64::from(rules.near) * frame.scale);
         // Growing steps are counted from a little behind the entry.
-        let t = if own.growing.is_some() { t + BEHIND } else { t };
-        let number = own.growing.map_or(0.0, |growing| growing.number(t));
+        let (t, number) = match own.growth {
+            Growth::Ratio(growing) => (t + BEHIND, growing.number(t + BEHIND)),
+            Growth::None | Growth::Share { .. } => (t, 0.0),
+        };
         let mut path = Path { origin, direction, t, end, number };
         let seen = self.model.along::<f64>(&[unit]);
         let (mut scratch, mut places) = (FieldScratch::default(), Places::default());

@@ -5,13 +5,12 @@ use crate::model::grid::{Bounds, Nodes};
 
 use super::frame::Frame;
 
-/// Cubes beyond the unit cube, at most.
-const MOST_CUBES: usize = 8;
-
 /// Cells of cubes around each other, as many in each.
 #[derive(Debug, Clone)]
 pub(super) struct Occupancy {
     side: usize,
+    /// The edge of the last cube, which need not be twice the one before.
+    span: f64,
     /// Of each cube in Morton order, x in the lowest bit; the unit cube is the first.
     cubes: Vec<Vec<bool>>,
     crop: Crop,
@@ -30,9 +29,10 @@ pub(super) enum Crop {
 }
 
 impl Occupancy {
-    /// Of `side` cells along an edge of each cube, a power of 2, in Morton order.
-    pub(super) fn new(side: usize, cubes: Vec<Vec<bool>>) -> Self {
-        Self { side, cubes, crop: Crop::None }
+    /// Of `side` cells along an edge of each cube, a power of 2, in Morton order. The last cube's edge
+    /// is `span`.
+    pub(super) fn new(side: usize, span: f64, cubes: Vec<Vec<bool>>) -> Self {
+        Self { side, span, cubes, crop: Crop::None }
     }
 
     /// The same, shown in part.
@@ -68,20 +68,22 @@ impl Occupancy {
         axes.all(|(at, [low, high])| at >= low - distance && at <= high + distance)
     }
 
-    /// The number of the smallest cube that holds a position, and its edge.
-    fn cube(position: [f64; 3]) -> (usize, f64) {
+    /// The number of the smallest cube that holds a position; one more than there are for those
+    /// beyond.
+    fn cube(&self, position: [f64; 3]) -> usize {
         let farthest = position.iter().fold(0.0, |most: f64, at| most.max((at - 0.5).abs()));
-        let (mut number, mut edge) = (0, 1.0);
-        // No scene has more cubes; a position that is no number is in the first one.
-        while farthest > 0.5 * edge && number < MOST_CUBES {
-            (number, edge) = (number + 1, 2.0 * edge);
-        }
-        (number, edge)
+        let holds = |number: &usize| farthest <= 0.5 * self.edge(*number);
+        (0..self.cubes.len()).find(holds).unwrap_or(self.cubes.len())
+    }
+
+    /// The edge of a cube.
+    fn edge(&self, number: usize) -> f64 {
+        libm::exp2(number as f64).min(self.span)
     }
 
     /// The edge of a cell at a position, in edges of the unit cube.
     pub(super) fn cell_edge(&self, position: [f64; 3]) -> f64 {
-        Self::cube(position).1 / self.side as f64
+        self.edge(self.cube(position)) / self.side as f64
     }
 
     fn cell(&self, cube: usize, cell: [usize; 3]) -> bool {
@@ -96,7 +98,21 @@ impl Occupancy {
 
     /// True if a position, in edges of the unit cube, lies in an occupied cell.
     pub(super) fn contains(&self, position: [f64; 3]) -> bool {
-        let (cube, edge) = Self::cube(position);
+        self.contains_in(position, self.cube(position))
+    }
+
+    /// The same for a sample that stands for a step of a ray: its cell is longer than the step, if
+    /// need be that of a larger cube.
+    pub(super) fn contains_by_step(&self, position: [f64; 3], step: f64) -> bool {
+        let cells = step * self.side as f64;
+        let is_short = |number: &usize| cells < libm::exp2(*number as f64);
+        let last = self.cubes.len().saturating_sub(1);
+        let least = (0..last).find(is_short).unwrap_or(last);
+        self.contains_in(position, self.cube(position).max(least))
+    }
+
+    fn contains_in(&self, position: [f64; 3], cube: usize) -> bool {
+        let edge = self.edge(cube);
         position.iter().all(|at| at.is_finite())
             && self.shows(position, 0.0)
             && self.cell(cube, position.map(|at| self.along((at - 0.5) / edge + 0.5)))
@@ -108,12 +124,9 @@ impl Occupancy {
         if !self.shows(position, distance) {
             return false;
         }
-        let last = self.cubes.len().saturating_sub(1);
         // Nodes on the outermost faces may be rounded beyond them.
-        let (cube, edge) = match Self::cube(position) {
-            (cube, edge) if cube > last => (last, edge / 2.0),
-            found => found,
-        };
+        let cube = self.cube(position).min(self.cubes.len().saturating_sub(1));
+        let edge = self.edge(cube);
         let along = |at: f64| self.along((at - 0.5) / edge + 0.5);
         let [x, y, z] = position.map(|at| along(at - distance)..=along(at + distance));
         x.into_iter().any(|x| y.clone().any(|y| z.clone().any(|z| self.cell(cube, [x, y, z]))))

@@ -28,6 +28,8 @@ const OFFSET: f32 = 0.5;
 const DEGREE: usize = 2;
 /// Weight up to which samples add no colour.
 const COLOR_THRESHOLD: f32 = 1e-4;
+/// Where torch-ngp's rays begin (`--min_near`).
+const TORCH_NEAR: f32 = 0.2;
 /// torch-ngp's scale of cameras where none is given.
 const TORCH_SCALE: f32 = 0.33;
 
@@ -79,6 +81,16 @@ pub fn open_checkpoint(
             ),
         });
     }
+    if source.is_unbounded {
+        source.assumptions.push(Assumption {
+            key: "dt_gamma",
+            value: "1/128".to_owned(),
+            message: format!(
+                "how steps of rays grow is not stored: assuming dt_gamma 1/128 and min_near \
+                 {TORCH_NEAR}, torch-ngp's defaults; they only matter for pictures of the file itself"
+            ),
+        });
+    }
     Ok(source)
 }
 
@@ -116,7 +128,8 @@ fn source(
     let march = March {
         stepsize,
         voxel_size,
-        near: 0.0,
+        // What is nearer to torch-ngp's cameras was never trained.
+        near: if is_unbounded && family == Family::TorchNgp { TORCH_NEAR } else { 0.0 },
         far: None,
         color_threshold: options.color_threshold.unwrap_or(COLOR_THRESHOLD),
         alpha_threshold: 0.0,

@@ -8,7 +8,7 @@
 //! | `snapshot.nerf.aabb_scale`, `snapshot.nerf.dataset` | the size of the scene, and its place in the world |
 //! | `snapshot.render_aabb`, `snapshot.render_aabb_to_local` | the part of the cube that is shown, and its rotation |
 
-use super::file::{NgpFile, Rules, check_network};
+use super::file::{Growth, NgpFile, Rules, check_network};
 use super::frame::Frame;
 use super::occupancy::{Crop, Occupancy};
 use super::ratio::ratio;
@@ -160,7 +160,10 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     check_network(&color, GEOMETRY + FUNCTIONS, 3, &place("rgb_network"))?;
     let table = values(levels.entries() * sizes.features);
     let step = libm::sqrt(3.0) / 1024.0;
-    let growing = (span > 1.0).then(|| GrowingSteps::new(step, step * LONGEST, GROWTH));
+    let growth = match span > 1.0 {
+        true => Growth::Ratio(GrowingSteps::new(step, step * LONGEST, GROWTH)),
+        false => Growth::None,
+    };
     let cubes = [cascades(aabb), if span > 1.0 { cascades(aabb) } else { 1 }];
     Ok(NgpFile {
         levels,
@@ -173,7 +176,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         per_edge: 1.0,
         frame: frame(&keys)?,
         occupancy: occupancy(&keys, cubes, crop(&keys, span)?, limits)?,
-        rules: Rules { step, growing, min_transmittance: 0.01, divides: true },
+        rules: Rules { step, growth, min_transmittance: 0.01, divides: true },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })
@@ -395,5 +398,6 @@ fn occupancy(
         });
         cubes.push(densities.iter().map(|density| f64::from(*density) > least).collect());
     }
-    Ok(Occupancy::new(side, cubes).cropped(crop))
+    let span = libm::exp2(cubes.len().saturating_sub(1) as f64);
+    Ok(Occupancy::new(side, span, cubes).cropped(crop))
 }

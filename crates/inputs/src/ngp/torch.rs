@@ -6,8 +6,15 @@
 //! | `sigma_net.N.weight`, `color_net.N.weight` | matrices; the second takes the direction first |
 //! | `density_bitfield` | a bit for each cell, Morton order, cubes of growing size |
 //! | `aabb_train` | the box that the table spans |
+//!
+//! Rays of scenes beyond -1 to 1, in its units, with `n` cubes of `SIDE` cells along an edge:
+//!
+//! ```text
+//! step = t / 128, from 2 sqrt(3) / 1024 to 2 sqrt(3) 2^(n - 1) / SIDE
+//! cell = that of the smallest cube that holds the sample and whose cells are longer than the step
+//! ```
 
-use super::file::{NgpFile, Rules, check_network};
+use super::file::{Growth, NgpFile, Rules, check_network};
 use super::frame::Frame;
 use super::occupancy::Occupancy;
 use crate::base::error::{Error, Place, Result};
@@ -22,6 +29,12 @@ use crate::tensor::{Tensor, TensorFile, Value};
 /// Nodes along an axis of the first level, and of the finest one for a box from -1 to 1.
 const BASE: u64 = 16;
 const FINEST: f64 = 2048.0;
+/// Steps of a ray through the first cube along its diagonal.
+const STEPS: f64 = 1024.0;
+/// A step is so much of the distance, unless training said otherwise (`--dt_gamma`).
+const GROWTH: f64 = 1.0 / 128.0;
+/// Cubes around the first one, at most.
+const MOST_CUBES: u32 = 10;
 /// Cells along an edge.
 const SIDE: usize = 128;
 /// Matrices of a network, at most.
@@ -44,12 +57,6 @@ fn required<'a>(file: &'a TensorFile, name: &str) -> Result<&'a Tensor> {
 pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<NgpFile> {
     let mut budget = Budget::new(limits);
     let bound = bound(required(file, "aabb_train")?, &mut budget)?;
-    if bound > 1.0 && !options.drop_background {
-        let place = Place::Tensor("model.aabb_train".to_owned());
-        let found = format!("a scene from {} to {bound}, in steps that grow", -bound);
-        let expected = "-1 to 1 (--drop-background keeps that)";
-        return Err(Error::unsupported(place, found, expected));
-    }
     let embeddings = required(file, "encoder.embeddings")?;
     let offsets = required(file, "encoder.offsets")?;
     let stated = match offsets.count() {
@@ -93,7 +100,16 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     // The unit cube of cells spans as much of the box as there is, -1 to 1 at most.
     let half = bound.min(1.0);
     let frame = Frame { scale: 0.5 / half, offset: [0.5; 3] };
-    let step = libm::sqrt(3.0) / 1024.0 / half;
+    let step = libm::sqrt(3.0) / STEPS / half;
+    let span = if options.drop_background { 1.0 } else { bound / half };
+    let cubes = 1 + (0..MOST_CUBES).take_while(|cube| span > libm::exp2(f64::from(*cube))).count();
+    let growth = match cubes {
+        1 => Growth::None,
+        _ => Growth::Share {
+            share: GROWTH,
+            longest: libm::sqrt(3.0) * libm::exp2(cubes as f64 - 1.0) / SIDE as f64,
+        },
+    };
     Ok(NgpFile {
         levels,
         table: Values::all(embeddings)?,
@@ -101,11 +117,11 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         color,
         direction_first: true,
         reach: bound / half,
-        span: 1.0,
+        span,
         per_edge: 2.0 * half,
         frame,
-        occupancy: occupancy(required(file, "density_bitfield")?, limits)?,
-        rules: Rules { step, growing: None, min_transmittance: 1e-4, divides: false },
+        occupancy: occupancy(required(file, "density_bitfield")?, cubes, span, limits)?,
+        rules: Rules { step, growth, min_transmittance: 1e-4, divides: false },
         limits: limits.clone(),
         loaded: Lazy::default(),
     })
@@ -140,17 +156,20 @@ fn matrices(file: &TensorFile, name: &str) -> Result<Vec<Matrix>> {
     Ok(found)
 }
 
-/// The cells of the first cube.
-fn occupancy(tensor: &Tensor, limits: &Limits) -> Result<Occupancy> {
+/// The cells of the cubes.
+fn occupancy(tensor: &Tensor, cubes: usize, span: f64, limits: &Limits) -> Result<Occupancy> {
     let bytes = SIDE.pow(3) / 8;
-    if tensor.element() != Element::U8 || tensor.count() < bytes as u64 {
+    let all = cubes * bytes;
+    if tensor.element() != Element::U8 || tensor.count() < all as u64 {
         let found = format!("{} {} numbers", tensor.count(), tensor.element().name());
-        let expected = format!("{bytes} bytes at least");
+        let expected = format!("{all} bytes at least");
         return Err(Error::malformed(tensor.place(), found, expected));
     }
     let mut budget = Budget::new(limits);
-    let mut bits: Vec<u8> = budget.zeroed(bytes, "bytes of cells", &tensor.place())?;
+    let mut bits: Vec<u8> = budget.zeroed(all, "bytes of cells", &tensor.place())?;
     tensor.storage(&mut budget)?.read_into(0, &mut bits)?;
-    let cells = bits.into_iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1));
-    Ok(Occupancy::new(SIDE, vec![cells.collect()]))
+    let cells = |bytes: &[u8]| {
+        bytes.iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1)).collect()
+    };
+    Ok(Occupancy::new(SIDE, span, bits.chunks(bytes).map(cells).collect()))
 }

@@ -49,7 +49,7 @@ impl World for NgpWorld {
         let (mut numbers, mut places) = (Vec::new(), Vec::new());
         for (number, position) in positions.iter().enumerate() {
             let at = frame.to_cube(*position);
-            if !masked || self.0.occupancy.contains(at) {
+            if self.0.occupancy.contains(at) || (!masked && self.0.shows(at)) {
                 numbers.push(first + number);
                 places.push(at);
             }
