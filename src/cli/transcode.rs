@@ -107,8 +107,16 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let inputs = vec![arguments.file.clone()];
     let resolved = changes.to_json();
     let view = ViewReport::of(container.metadata().view.as_ref());
-    let baked =
-        Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs, side_bytes: 0 };
+    let baked = Baked {
+        report,
+        resolved,
+        settings: Vec::new(),
+        view,
+        gate: None,
+        inputs,
+        unmeasured: None,
+        side_bytes: 0,
+    };
     let work = Work {
         input: &arguments.file,
         output: &arguments.output,

@@ -64,12 +64,22 @@ pub fn bake_again(
             view,
             gate: None,
             inputs,
+            unmeasured: None,
             side_bytes: 0,
         });
     }
     let report = repack(unpacked, &changes, &options.limits, output, bar)?;
     let resolved = changes.to_json();
-    Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs, side_bytes: 0 })
+    Ok(Baked {
+        report,
+        resolved,
+        settings: Vec::new(),
+        view,
+        gate: None,
+        inputs,
+        unmeasured: None,
+        side_bytes: 0,
+    })
 }
 
 /// Refuses options that packing a container again, or baking its finest level `anew`, would ignore.

@@ -32,6 +32,8 @@ pub struct Baked {
     pub view: ViewReport,
     /// The figures of pictures, where there is a gate.
     pub gate: Option<GateReport>,
+    /// Bytes of memory that measuring the loss would have taken, where that was too much.
+    pub unmeasured: Option<u64>,
     /// The files that the container depends on.
     pub inputs: Vec<PathBuf>,
     /// Bytes of the files that belong to the input, but for itself.
@@ -194,6 +196,12 @@ impl Baked {
             lines.push(settings_text(&self.settings));
         }
         lines.extend(report.chosen.iter().map(|chosen| format!("  {chosen}")));
+        lines.extend(self.unmeasured.map(|bytes| {
+            format!(
+                "  loss not measured: it takes {} of memory, and mipvog-bake compare measures it",
+                readable(bytes)
+            )
+        }));
         let fitted = report.fitted.iter().flat_map(|fitted| &fitted.levels);
         lines.extend(fitted.filter_map(
             |FittedLevel { level, steps, psnr_before, psnr_after, .. }| {

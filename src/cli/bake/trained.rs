@@ -36,6 +36,10 @@ use mipvog_inputs::tensor::TensorFile;
 const LOOKS: usize = 4;
 const LOOK_SIDE: usize = 160;
 
+/// Bytes of a container's values from which on pictures that nobody asked for are not made: a bake
+/// itself takes less.
+const MOST_BYTES: u64 = 3 << 29;
+
 /// Cameras around a model, or inside its world.
 fn looks(source: &Source, limits: &Limits, bar: &Bar) -> Result<Vec<Camera>> {
     if source.field.shells.is_empty() {
@@ -89,27 +93,32 @@ pub fn bake_trained(
         None => bake(&source.field, options, &origin, output, bar)?,
     };
     let looks_along = (view.is_fitted() && options.memory.is_none())
-        || (view.has_harmonics() && !judges.is_empty());
-    let mut gate = None;
+        || (view.has_harmonics() && arguments.gate.measures()?);
+    let (mut gate, mut unmeasured) = (None, None);
     if looks_along || !judges.is_empty() {
         let clock = Instant::now();
         let written = if report.unchanged { &*arguments.output } else { output.written() };
         let container = Container::open(Arc::new(SourceFile::open(written)?), limits)?;
-        let baked = Renderer::of_container(&container)?;
-        let unbaked = source.renderer(None, limits)?;
-        if looks_along {
-            let bounds = &source.field.scene.bounds;
-            let eyes = held_out_eyes(&settings.options.cameras, bounds);
-            let errors = compare_directions(&unbaked, &baked, &eyes, bar)?;
-            view.measured(errors);
-        }
-        if !judges.is_empty() {
-            let reference = Reference::Field(Box::new(unbaked));
-            let measured = arguments.gate.measure(&reference, &baked, judges, bar)?;
-            if arguments.gate.measures()? {
-                warn_of_figures(&measured.errors, judges, None, common);
+        let is_asked = arguments.gate.measures()? || arguments.gate.required_view_psnr().is_some();
+        let bytes = container.metadata().value_bytes();
+        unmeasured = Some(bytes).filter(|bytes| !is_asked && *bytes > MOST_BYTES);
+        if unmeasured.is_none() {
+            let unbaked = source.renderer(None, limits)?;
+            let baked = Renderer::of_container(&container)?;
+            if looks_along {
+                let bounds = &source.field.scene.bounds;
+                let eyes = held_out_eyes(&settings.options.cameras, bounds);
+                let errors = compare_directions(&unbaked, &baked, &eyes, bar)?;
+                view.measured(errors);
             }
-            gate = Some(measured);
+            if !judges.is_empty() {
+                let reference = Reference::Field(Box::new(unbaked));
+                let measured = arguments.gate.measure(&reference, &baked, judges, bar)?;
+                if arguments.gate.measures()? {
+                    warn_of_figures(&measured.errors, judges, None, common);
+                }
+                gate = Some(measured);
+            }
         }
         let (seconds, bytes) = (clock.elapsed().as_secs_f64(), report.output_bytes);
         report.stages.push(StageReport { name: "compare", seconds, bytes });
@@ -132,6 +141,7 @@ pub fn bake_trained(
         view,
         gate,
         inputs,
+        unmeasured,
         side_bytes: source.side_bytes(),
     })
 }

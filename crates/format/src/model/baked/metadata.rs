@@ -91,6 +91,18 @@ impl Metadata {
         (1..=self.shells.len()).contains(&level).then(|| self.levels.len() + level - 1)
     }
 
+    /// Bytes of all values that are stored, as floats in memory.
+    pub fn value_bytes(&self) -> u64 {
+        let part = |part: &LevelMetadata| {
+            let layout = self.layout();
+            let groups = Group::ALL.into_iter().filter(|group| part.encoding(*group).is_some());
+            let channels: usize = groups.map(|group| group.channels(layout)).sum();
+            let nodes = (part.block_size as u64).pow(3);
+            part.blocks_stored as u64 * nodes * channels as u64 * size_of::<f32>() as u64
+        };
+        self.parts().map(part).sum()
+    }
+
     /// The next coarser level of a part.
     pub fn coarser(&self, part: usize) -> Option<&LevelMetadata> {
         self.levels.get(self.level_of_part(part) + 1)
