@@ -38,6 +38,7 @@ mod output;
 mod paint;
 mod picture;
 mod pictures;
+mod placement;
 mod plan;
 mod probe;
 mod program;

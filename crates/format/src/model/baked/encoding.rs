@@ -124,6 +124,12 @@ impl Group {
     pub const fn is_color(self) -> bool {
         !matches!(self, Self::Density | Self::Anisotropy)
     }
+
+    /// True if the values are coefficients of functions of the view direction: they change with a
+    /// rotation.
+    pub const fn is_directional(self) -> bool {
+        matches!(self, Self::Band(_) | Self::Directional | Self::Anisotropy)
+    }
 }
 
 impl NumberType {
