@@ -102,10 +102,18 @@ impl ComparePage {
         };
         let errors = format!("{frames}. Errors are black for none, white for {FULL_HEAT} or more.");
         for note in notes.iter().chain([&errors]) {
-            writeln!(html, "<p>{}</p>", escaped(note)).ok();
+            writeln!(html, "<p>{}</p>", escaped(&sentence(note))).ok();
         }
         html + &self.html + report_page::END
     }
+}
+
+/// A note with a capital letter and a full stop.
+fn sentence(note: &str) -> String {
+    let mut letters = note.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    let end = if note.ends_with('.') { "" } else { "." };
+    first.chain(letters).collect::<String>() + end
 }
 
 #[cfg(test)]

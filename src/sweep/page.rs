@@ -14,7 +14,7 @@ pub(super) fn page(report: &SweepReport) -> String {
     writeln!(
         html,
         "<p>Settings: {}. Cameras: {}, of {width} x {height} pixels. Each setting is compared with \
-         the unbaked scene. Times are the median of {} bakes, with {} threads.</p>\n\
+         the unbaked scene. Bakes of a setting: {}, of which the median time is shown; threads: {}.</p>\n\
          <p>Numbers at the points are those of the table. The lines are Pareto fronts: no other \
          setting is both smaller (or faster) and more accurate than one on the line.</p>",
         report.settings.len(),
@@ -119,7 +119,8 @@ fn table(report: &SweepReport) -> String {
     let chosen = report.recommended_row();
     for (index, setting) in report.settings.iter().enumerate() {
         let class = if chosen == Some(index) { " class=\"chosen\"" } else { "" };
-        write!(html, "<tr{class}><td>{}</td><td>{}</td>", index + 1, name(setting)).ok();
+        write!(html, "<tr{class}><td>{}</td><td class=\"name\">{}</td>", index + 1, name(setting))
+            .ok();
         match &setting.failure {
             Some(failure) => {
                 let (columns, failure) = (report.scales.len() + 4, escaped(failure));
