@@ -36,7 +36,7 @@ pub(super) fn model<'a>(file: &'a TensorFile, name: &str) -> Option<&'a Tensor> 
 fn required<'a>(file: &'a TensorFile, name: &str) -> Result<&'a Tensor> {
     model(file, name).ok_or_else(|| {
         let place = Place::Tensor(format!("model.{name}"));
-        Error::malformed(place, "no such tensor", "one, as a training with --cuda_ray writes it")
+        Error::malformed(place, "no such tensor", "a tensor that training with --cuda_ray writes")
     })
 }
 
@@ -47,7 +47,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     if bound > 1.0 && !options.drop_background {
         let place = Place::Tensor("model.aabb_train".to_owned());
         let found = format!("a scene from {} to {bound}, in steps that grow", -bound);
-        let expected = "-1 to 1 (--drop-background keeps that)";
+        let expected = "-1 to 1 (--drop-background keeps this part)";
         return Err(Error::unsupported(place, found, expected));
     }
     let embeddings = required(file, "encoder.embeddings")?;
@@ -145,7 +145,7 @@ fn occupancy(tensor: &Tensor, limits: &Limits) -> Result<Occupancy> {
     let bytes = SIDE.pow(3) / 8;
     if tensor.element() != Element::U8 || tensor.count() < bytes as u64 {
         let found = format!("{} {} numbers", tensor.count(), tensor.element().name());
-        let expected = format!("{bytes} bytes at least");
+        let expected = format!("at least {bytes} bytes");
         return Err(Error::malformed(tensor.place(), found, expected));
     }
     let mut budget = Budget::new(limits);
