@@ -116,7 +116,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let scene = &arguments.scene;
     let pictures = mipvog_inputs::file_of(&arguments.reference).is_dir();
     if pictures && arguments.difference {
-        let message = "--difference renders both sides, and a folder of pictures is no field";
+        let message = "--difference renders both sides, which a folder of pictures does not allow";
         return Err(Error::usage(message).in_file(&arguments.reference));
     }
     let (which, cameras) = (arguments.which, arguments.cameras.file());

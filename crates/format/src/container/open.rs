@@ -180,7 +180,7 @@ impl Container {
         &self.entries
     }
 
-    /// All that is not bulk.
+    /// The metadata: everything except bulk data.
     pub fn metadata(&self) -> &Metadata {
         &self.metadata
     }
