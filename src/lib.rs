@@ -14,6 +14,8 @@ pub mod formats;
 #[doc(hidden)]
 pub mod html;
 #[doc(hidden)]
+pub mod report_page;
+#[doc(hidden)]
 pub mod serve;
 #[doc(hidden)]
 pub mod sweep;

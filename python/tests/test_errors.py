@@ -27,7 +27,7 @@ def failed(tmp_path, match, exit_code, work):
         ("density", lambda a: a.astype(complex), "dtype complex128"),
         ("density", lambda a: a[::-1], r"strides.*\n.*ascontiguousarray\(density\)"),
         ("color", lambda a: a[:, :, ::-1], r"ascontiguousarray\(color\)"),
-        ("density", lambda a: a[:-1], "color.*shape .24, 24, 24, 3. beside density of .23"),
+        ("density", lambda a: a[:-1], "color.*shape .24, 24, 24, 3. for density of shape .23"),
         ("color", lambda a: a[..., :2], "color.*the shape of density, then 3"),
         ("aabb", lambda a: ((0, 0, 0), (0, 1, 1)), "aabb"),
     ],

@@ -119,7 +119,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
         report(Finding { code: Code::AssetRule, error })
     };
     if let Some(behind) = asset.chunks().map(|chunks| chunks.behind).filter(|behind| *behind > 0) {
-        let found = format!("{behind} bytes behind the stated end");
+        let found = format!("{behind} bytes after the stated end");
         broken(String::new(), found, "none: they belong to nothing", report)?;
     }
     // Numbers that nobody can represent, such as 1e400, are no fault of what refers to things.

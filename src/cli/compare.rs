@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
+use super::compare_page::ComparePage;
 use super::detail::{check_levels, parse_levels, warn_of_figures};
 use super::field::FieldArguments;
 use super::guess::input_path;
@@ -24,11 +25,13 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::progress::Step;
 use crate::model::camera::Camera;
 use crate::picture;
+use crate::report_page::FULL_HEAT;
 use crate::view::compare::{FrameErrors, Reference, References, ScaleErrors, shared_photograph};
 use crate::view::render::{LevelChoice, Renderer};
 
-/// An error of this much is white in heat maps.
-const FULL_HEAT: f32 = 0.25;
+/// The columns of the table.
+const FIGURES: &str = "PSNR: mean of the frames; pooled: of the error over all their pixels; largest \
+                       and 99 %: error of a channel, 0 to 1; diffuse, opacity: PSNR of these alone";
 
 /// Measure the error of a field at every scale
 ///
@@ -39,7 +42,7 @@ const FULL_HEAT: f32 = 0.25;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake compare fine_last.tar scene.mipvog --stepsize 0.5 --cameras transforms.json
-  mipvog-bake compare old.mipvog new.mipvog --turntable 8 --difference
+  mipvog-bake compare old.mipvog new.mipvog --turntable 8 --difference -o report.html
   mipvog-bake compare test/ scene.mipvog --cameras transforms.json --scales 1 -o errors/")]
 pub struct Arguments {
     /// The reference: a container, a glTF asset, a trained input, or a folder of pictures
@@ -48,8 +51,9 @@ pub struct Arguments {
     /// The field to measure: a container, a glTF asset or a trained input
     #[arg(value_parser = input_path())]
     field: PathBuf,
-    /// Write heat maps of the error to this folder: black is no error, white 0.25 or more
-    #[arg(short, long, value_name = "DIR")]
+    /// Folder for heat maps of the error: black is no error, white 0.25 or more; or a page.html that
+    /// shows reference, field and error side by side
+    #[arg(short, long, value_name = "DIR|PAGE.html")]
     output: Option<PathBuf>,
     /// Render both at the same size at each scale and compare those
     #[arg(long)]
@@ -65,7 +69,7 @@ pub struct Arguments {
     /// The level to read of the field: auto (the file's rule), off (level 0), or a number
     #[arg(long, value_name = "auto|off|K", default_value = "auto", value_parser = parse_levels)]
     level_of_detail: LevelChoice,
-    /// Make coarser levels for a trained field, as `bake --filter` [default: level 0 alone]
+    /// Make coarser levels for a trained field, as `bake --filter` [default: only level 0]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
     #[command(flatten)]
@@ -105,14 +109,14 @@ pub(super) struct CompareReport {
 /// Compares.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(folder) = &arguments.output {
-        refuse_stdout(folder, "heat maps go into a folder")?;
+        refuse_stdout(folder, "heat maps go into a folder, or a page into a file")?;
     }
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
     let scene = &arguments.scene;
     let pictures = mipvog_inputs::file_of(&arguments.reference).is_dir();
     if pictures && arguments.difference {
-        let message = "--difference renders both sides, and a folder of pictures is no field";
+        let message = "--difference renders both sides, which a folder of pictures does not allow";
         return Err(Error::usage(message).in_file(&arguments.reference));
     }
     let (which, cameras) = (arguments.which, arguments.cameras.file());
@@ -160,11 +164,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let references = References::new(&reference, &cameras, &scales, supersample);
     let references = references.with_levels(arguments.level_of_detail);
     let mut references = if arguments.difference { references.alike() } else { references };
-    let heat = |frame: &FrameErrors| arguments.write_heat_map(frame, &mut made);
+    let mut page = arguments.page().map(|_| ComparePage::new(&cameras, &scales));
+    let heat = |frame: &FrameErrors| match &mut page {
+        Some(page) => page.add(frame),
+        None => arguments.write_heat_map(frame, &mut made),
+    };
     let errors = references.compare(&field, &bar, heat)?;
     bar.check()?;
-    made.keep();
-    drop(bar);
     let off = Some("--level-of-detail off").filter(|_| scales == [1]);
     warn_of_figures(&errors, &cameras, off, common);
     let report = CompareReport {
@@ -180,11 +186,22 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         scales: errors,
     };
     let both_fields = matches!(reference, Reference::Field(_));
+    if let (Some(path), Some(page)) = (arguments.page(), page) {
+        let page =
+            page.finish(&report.title(), &errors_table(&report.scales), &report.notes(both_fields));
+        made.write(path, page.as_bytes(), arguments.force)?;
+    }
+    made.keep();
+    drop(bar);
     Outcome::new("compare", &report, report.text(both_fields, common))
 }
 
 /// A table of errors.
 pub fn errors_text(errors: &[ScaleErrors]) -> String {
+    errors_table(errors).text(columns())
+}
+
+fn errors_table(errors: &[ScaleErrors]) -> Table {
     let number = |value: Option<f64>, digits: usize| {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };
@@ -202,7 +219,7 @@ pub fn errors_text(errors: &[ScaleErrors]) -> String {
             number(error.psnr_opacity, 2),
         ]);
     }
-    table.text(columns())
+    table
 }
 
 impl Arguments {
@@ -230,14 +247,29 @@ impl Arguments {
         Ok(())
     }
 
+    /// The page to write, if the output is one.
+    fn page(&self) -> Option<&Path> {
+        let is_page = |path: &&PathBuf| {
+            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("html"))
+        };
+        self.output.as_ref().filter(is_page).map(PathBuf::as_path)
+    }
+
     fn heat_map(&self, frame: &str, scale: usize) -> Option<PathBuf> {
         let folder = self.output.as_ref()?;
         Some(folder.join(format!("{frame}.s{scale}.error.png")))
     }
 
-    /// Makes the folder for heat maps; existing ones are refused before anything is rendered.
+    /// Makes the folder for heat maps; existing files are refused before anything is rendered.
     fn prepare(&self, cameras: &[Camera], scales: &[usize], made: &mut Provisional) -> Result<()> {
         let Some(folder) = &self.output else { return Ok(()) };
+        if let Some(page) = self.page() {
+            if !self.force && page.symlink_metadata().is_ok() {
+                return Err(Error::new(ErrorKind::Exists, Place::File).in_file(page));
+            }
+            let parent = page.parent().filter(|parent| !parent.as_os_str().is_empty());
+            return parent.map_or(Ok(()), |parent| made.create_folder(parent));
+        }
         let names = cameras.iter().flat_map(|camera| scales.iter().map(|&s| (&camera.name, s)));
         let mut maps = BTreeSet::new();
         for map in names.filter_map(|(name, scale)| self.heat_map(name, scale)) {
@@ -261,32 +293,49 @@ impl Arguments {
 }
 
 impl CompareReport {
+    fn title(&self) -> String {
+        format!("{} against {}", self.field, self.reference)
+    }
+
+    /// What the figures mean.
+    fn meaning(&self, both_fields: bool) -> Option<&'static str> {
+        match (self.measures, both_fields) {
+            (Measures::Difference, _) => Some("both rendered at the size of each scale"),
+            (Measures::AgainstFullSize, _) if self.scales.len() <= 1 => None,
+            (Measures::AgainstFullSize, true) => Some(
+                "smaller scales compare one ray per pixel with the full-size picture averaged down, \
+                 so they include aliasing; --difference leaves it out",
+            ),
+            (Measures::AgainstFullSize, false) => Some(
+                "smaller scales compare one ray per pixel with the full-size picture averaged down, \
+                 so they include aliasing",
+            ),
+        }
+    }
+
+    /// The notes of a page.
+    fn notes(&self, both_fields: bool) -> Vec<String> {
+        let settings = self.settings.values();
+        let settings = settings.map(|(name, value)| format!("{name} {value}")).join(", ");
+        let meaning = self.meaning(both_fields).map(str::to_owned);
+        let frames = counted(self.frames, "frame");
+        let settings = format!("{frames}; settings of the field: {settings}");
+        [FIGURES.to_owned()].into_iter().chain(meaning).chain([settings]).collect()
+    }
+
     fn text(&self, both_fields: bool, common: &Common) -> String {
-        let (reference, field) = (&self.reference, &self.field);
         let psnr = self.scales.iter().find(|errors| errors.scale == 1);
         let psnr = psnr.map_or_else(String::new, |full| format!("{:.2} dB, ", full.pooled_psnr));
         let frames = counted(self.frames, "frame");
-        let line = format!("{field} against {reference}: {psnr}{frames}");
+        let line = format!("{}: {psnr}{frames}", self.title());
         let mut text = folded(&line, columns(), 4) + "\n";
         text += &errors_text(&self.scales);
         let mut add = |line: &str| text += &(folded(&format!("  {line}"), columns(), 4) + "\n");
         if common.verbose {
-            add(
-                "PSNR: mean of the frames; pooled: of the error over all their pixels; largest and \
-                 99 %: error of a channel, 0 to 1; diffuse, opacity: PSNR of these alone",
-            );
+            add(FIGURES);
         }
-        match (self.measures, both_fields) {
-            (Measures::Difference, _) => add("both rendered at the size of each scale"),
-            (Measures::AgainstFullSize, true) if self.scales.len() > 1 => add(
-                "smaller scales compare one ray per pixel with the full-size picture averaged down, \
-                 so they include aliasing; --difference leaves it out",
-            ),
-            (Measures::AgainstFullSize, false) if self.scales.len() > 1 => add(
-                "smaller scales compare one ray per pixel with the full-size picture averaged down, \
-                 so they include aliasing",
-            ),
-            _ => {}
+        if let Some(meaning) = self.meaning(both_fields) {
+            add(meaning);
         }
         text + &self.settings.text()
     }

@@ -142,7 +142,8 @@ impl SceneArguments {
         self.override_container(&mut renderer);
         if let Some(stepsize) = self.stepsize {
             renderer.view().check().map_err(|_| {
-                let expected = format!("steps of which a ray takes at most {}", March::MAX_SAMPLES);
+                let expected =
+                    format!("steps such that a ray takes at most {}", March::MAX_SAMPLES);
                 Error::invalid_option("stepsize", stepsize.to_string(), expected)
             })?;
         }

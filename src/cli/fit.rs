@@ -117,7 +117,7 @@ impl FitArguments {
 pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
     for FittedLevel { level, steps, psnr_before, psnr_after, kept } in &fitted.levels {
         if *steps == 0 {
-            let message = "took no step before the fit was ended, and is kept from rate-tent";
+            let message = "took no step before the fit ended, so it stays as in rate-tent";
             warn(&format!("level {level} {message}"), common);
         } else if !kept {
             let message = "is kept from rate-tent: the fitted version was worse at some scale";

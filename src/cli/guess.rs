@@ -168,7 +168,7 @@ fn no_output(words: &[OsString]) -> Option<Mistaken> {
     };
     let command = ["bake".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
     Some(Mistaken {
-        message: "there is no output: it goes after -o".to_owned(),
+        message: "there is no output: pass it after -o".to_owned(),
         help: shell::command(command),
     })
 }

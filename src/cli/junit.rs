@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::manifest::SceneResult;
 use crate::base::text::printable;
-use crate::sweep::escaped;
+use crate::report_page::escaped;
 
 /// A test suite with a case for each scene.
 pub fn junit<'a>(results: impl Iterator<Item = &'a SceneResult> + Clone) -> String {

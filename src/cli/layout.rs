@@ -106,6 +106,16 @@ impl Table {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
+    /// The heads.
+    pub fn heads(&self) -> &[String] {
+        self.rows.first().map_or(&[], Vec::as_slice)
+    }
+
+    /// The rows below the heads.
+    pub fn rows(&self) -> &[Vec<String>] {
+        self.rows.get(1..).unwrap_or_default()
+    }
+
     /// The lines, indented by two. Columns that do not fit into `width` follow below, beside the
     /// first column again.
     pub fn text(&self, width: usize) -> String {

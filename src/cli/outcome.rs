@@ -29,7 +29,7 @@ impl Outcome {
         let mut json = serde_json::Map::new();
         json.insert("schema".to_owned(), format!("mipvog-{verb}/1").into());
         let report = serde_json::to_value(report)
-            .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
+            .map_err(|error| Error::usage(format!("the report is not JSON: {error}")))?;
         if let serde_json::Value::Object(report) = report {
             json.extend(report);
         }
@@ -63,7 +63,7 @@ pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Resu
                 _ => &outcome.json,
             };
             let text = serde_json::to_string_pretty(json)
-                .map_err(|error| Error::usage(format!("the report is no JSON: {error}")))?;
+                .map_err(|error| Error::usage(format!("the report is not JSON: {error}")))?;
             text + "\n"
         }
     };

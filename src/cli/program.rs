@@ -84,9 +84,7 @@ pub fn main() -> ExitCode {
 /// [`main`] for a process whose command line is not the program's own. The first argument is the
 /// program's name.
 pub fn main_of(arguments: Vec<OsString>) -> u8 {
-    if let Some(program) = arguments.first() {
-        shell::note_program(program);
-    }
+    shell::note_typed(&arguments);
     let (cli, matches) = match parse(&arguments) {
         Ok(parsed) => parsed,
         Err(error) => return refuse(&error, &arguments),

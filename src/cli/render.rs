@@ -66,7 +66,7 @@ pub struct Arguments {
     /// The level to read: auto (the file's rule), off (level 0), or a number
     #[arg(long, value_name = "auto|off|K", default_value = "auto", value_parser = parse_levels)]
     level_of_detail: LevelChoice,
-    /// Make coarser levels for a trained input, as `bake --filter` [default: level 0 alone]
+    /// Make coarser levels for a trained input, as `bake --filter` [default: only level 0]
     #[arg(long, value_name = "NAME")]
     filter: Option<Filter>,
     #[command(flatten)]

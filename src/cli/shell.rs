@@ -7,16 +7,21 @@ use std::sync::OnceLock;
 /// The program's name where it is installed.
 const NAME: &str = "mipvog-bake";
 
-static TYPED: OnceLock<OsString> = OnceLock::new();
+static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Notes the first word of the command line.
-pub fn note_program(word: &std::ffi::OsStr) {
-    TYPED.get_or_init(|| word.to_owned());
+/// Notes the command line, of which the first word is the program.
+pub fn note_typed(words: &[OsString]) {
+    TYPED.get_or_init(|| words.to_vec());
+}
+
+/// The command line after the program's name; none where the program is a library of another one.
+pub fn typed() -> Option<&'static [OsString]> {
+    TYPED.get()?.get(1..)
 }
 
 /// A command of the program, each word quoted as a shell needs it.
 pub fn command<T: AsRef<std::ffi::OsStr>>(words: impl IntoIterator<Item = T>) -> String {
-    let typed = TYPED.get().map(Path::new);
+    let typed = TYPED.get().and_then(|words| words.first()).map(Path::new);
     let own = match typed.filter(|path| path.components().count() > 1 && !is_found(path)) {
         Some(path) => quoted(&path.to_string_lossy()),
         None => NAME.to_owned(),

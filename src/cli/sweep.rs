@@ -16,6 +16,7 @@ use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::shell;
 use super::stored::argument;
+use super::sweep_command::bake_command;
 use super::values::by_name;
 use crate::bake::{BAKE_OPTIONS, Preset};
 use crate::base::bytes::remove_stale;
@@ -145,6 +146,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     check_memory(&cameras, 1, &limits)?;
     for setting in settings.iter_mut().filter(|setting| setting.options.sees()) {
         setting.options.seen_from.clone_from(&cameras);
+    }
+    for setting in &mut settings {
+        setting.command = bake_command(arguments.input.as_os_str(), setting);
     }
     let options = SweepOptions {
         settings,

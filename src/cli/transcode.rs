@@ -10,6 +10,7 @@ use super::common::Common;
 use super::field::{FieldArguments, wrong_kind};
 use super::outcome::Outcome;
 use super::output::{create_container, digest};
+use super::placement::PlacementArguments;
 use super::progress::Bar;
 use super::values::{by_name, parse_box};
 use super::view_report::ViewReport;
@@ -20,7 +21,7 @@ use crate::model::grid::Bounds;
 use crate::quantize::Bits;
 use crate::unpacked::Unpacked;
 
-/// Make a container smaller, or cut it
+/// Make a container smaller, cut it, or move it
 ///
 /// The checkpoint is not needed.
 #[derive(Debug, Args)]
@@ -28,7 +29,8 @@ use crate::unpacked::Unpacked;
 Examples:
   mipvog-bake transcode scene.mipvog -o small.mipvog --max-bytes 2MB
   mipvog-bake transcode scene.mipvog -o far.mipvog --without-finest 1
-  mipvog-bake transcode scene.mipvog -o clean.mipvog --drop-islands 100")]
+  mipvog-bake transcode scene.mipvog -o clean.mipvog --drop-islands 100
+  mipvog-bake transcode scene.mipvog -o upright.mipvog --up y --scale 0.5")]
 pub struct Arguments {
     /// Container, or a glTF asset with one; - means standard input
     file: PathBuf,
@@ -47,6 +49,8 @@ pub struct Arguments {
     drop_islands: Option<u64>,
     #[command(flatten)]
     which: FieldArguments,
+    #[command(flatten)]
+    place: PlacementArguments,
     /// Number of finest levels to drop
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Levels")]
     without_finest: usize,
@@ -93,6 +97,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         levels: arguments.levels,
         crop: arguments.crop,
         drop_islands: arguments.drop_islands,
+        placement: arguments.place.placement(),
         zstd_level: arguments.zstd_level,
         ..Changes::default()
     };

@@ -27,6 +27,14 @@ pub fn parse_box(text: &str) -> std::result::Result<Bounds, String> {
     }
 }
 
+/// Three numbers with commas between.
+pub fn parse_vector(text: &str) -> std::result::Result<[f32; 3], String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let numbers = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
+    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    numbers.ok_or_else(|| "expected three numbers with commas between: x,y,z".to_owned())
+}
+
 /// One number or three, a colour as web pages write it, `white` or `black`.
 pub fn parse_background(text: &str) -> std::result::Result<Background, String> {
     match text.strip_prefix('#') {

@@ -116,6 +116,6 @@ fn warn_of_companions(file: &Path, common: &Common) {
     let names = asset.and_then(|asset| companions(&asset)).unwrap_or_default();
     if !names.is_empty() {
         let (file, names) = (file.display(), names.join(", "));
-        warn(&format!("{file} needs files beside it, which are not served: {names}"), common);
+        warn(&format!("{file} needs other files, which are not served: {names}"), common);
     }
 }

@@ -22,7 +22,7 @@ pub struct ViewReport {
     degree: Option<usize>,
     /// True if coefficients were fitted to a network's colours.
     fitted: bool,
-    /// PSNR of fitted colours along directions that no fit has seen.
+    /// PSNR of fitted colours along held-out directions.
     held_out_psnr: Option<f64>,
     /// Share of visible weight whose colours are clamped; null where it was not measured.
     clamped_share: Option<f64>,
@@ -127,8 +127,8 @@ impl ViewReport {
         let least = self.required_psnr.filter(|_| !self.passes())?;
         let output = output.display();
         let found = match self.held_out_psnr {
-            Some(found) => format!("{found:.2} dB along directions that no fit has seen"),
-            None => "no visible colour was met along directions that no fit has seen".to_owned(),
+            Some(found) => format!("{found:.2} dB along held-out directions"),
+            None => "there was no visible colour along held-out directions".to_owned(),
         };
         Some(format!("{output}: not written: {found}, {least} dB required"))
     }

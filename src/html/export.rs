@@ -44,7 +44,7 @@ fn container_name(source: &ExportSource) -> String {
 }
 
 fn bytes_of(source: &ExportSource) -> Result<&[u8]> {
-    let missing = || Error::usage("a page shows a container, and there is none");
+    let missing = || Error::usage("a page needs a container, but there is none");
     source.container.as_deref().ok_or_else(missing)
 }
 

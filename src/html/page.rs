@@ -5,6 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest as _, Sha256};
 
 use super::site::{PAGE, SCRIPT, STYLE, WORKER};
+use crate::report_page::escaped;
 
 /// Elements of the viewer's page that others stand in for.
 const LINK: &str = "<link rel=\"stylesheet\" href=\"style.css\" />";
@@ -80,21 +81,6 @@ fn title(name: &str) -> &str {
 /// A script or a style as a policy names it.
 fn digest(text: &str) -> String {
     format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)))
-}
-
-/// Text within an element or a value.
-fn escaped(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            _ => escaped.push(character),
-        }
-    }
-    escaped
 }
 
 #[cfg(test)]

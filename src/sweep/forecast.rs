@@ -79,8 +79,8 @@ pub fn forecast_sweep(
             name: setting.name.clone(),
             preset: setting.preset.map(Preset::name),
             resumed: found.is_some(),
-            output_bytes: found.as_ref().map(|found| found.output_bytes),
-            seconds: found.as_ref().map(|found| found.seconds),
+            output_bytes: found.as_ref().map(|(found, _)| found.output_bytes),
+            seconds: found.as_ref().map(|(found, _)| found.seconds),
             failure: None,
         };
         if found.is_none() {

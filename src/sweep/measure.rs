@@ -9,6 +9,7 @@ use super::options::SweepOptions;
 use super::record;
 use super::report::Measured;
 use super::setting::Setting;
+use super::thumbnail::Thumbnail;
 use crate::bake::{Origin, bake};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::{Error, Result};
@@ -31,7 +32,8 @@ pub(super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    pub(super) fn measure(&mut self, setting: &Setting) -> Result<Measured> {
+    /// The figures of a setting, and a small picture of it.
+    pub(super) fn measure(&mut self, setting: &Setting) -> Result<(Measured, Option<Thumbnail>)> {
         let path = record::container_path(self.folder, setting);
         let mut seconds = Vec::with_capacity(self.options.repeat);
         let mut last = None;
@@ -54,10 +56,17 @@ impl Bench<'_> {
         output.finish()?;
         let container = Container::open(Arc::new(SourceFile::open(&path)?), &self.options.limits)?;
         let field = Renderer::baked(&container.read()?, &self.options.limits)?;
-        let errors = self.references.compare(&field, &self.steps, |_| Ok(()))?;
+        let mut thumbnail = None;
+        let first = self.options.scales.iter().min().copied();
+        let errors = self.references.compare(&field, &self.steps, |frame| {
+            if thumbnail.is_none() && Some(frame.scale) == first {
+                thumbnail = Some(Thumbnail::of(frame)?);
+            }
+            Ok(())
+        })?;
         let levels = report.levels.len();
         let output_bytes = report.output_bytes;
-        Ok(Measured { output_bytes, seconds: median(seconds), levels, errors })
+        Ok((Measured { output_bytes, seconds: median(seconds), levels, errors }, thumbnail))
     }
 }
 

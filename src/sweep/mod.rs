@@ -20,7 +20,6 @@
 //! system that fails, or a caller who cancels, ends the sweep. Finished results stay.
 
 mod csv;
-mod escape;
 mod forecast;
 mod measure;
 mod options;
@@ -31,8 +30,8 @@ mod record;
 mod report;
 mod run;
 mod setting;
+mod thumbnail;
 
-pub use escape::escaped;
 pub use forecast::{SettingForecast, SweepForecast, forecast_sweep};
 pub use options::{Share, SweepOptions};
 pub use pareto::{Point, front};
@@ -40,3 +39,4 @@ pub use record::RECORD_SCHEMA;
 pub use report::{Fronts, Measured, SCHEMA, SettingReport, SweepReport};
 pub use run::sweep;
 pub use setting::{Grid, List, Setting};
+pub use thumbnail::Thumbnail;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::escape::escaped;
+use crate::report_page::escaped;
 
 /// The picture's size in its own units. Small, so that text stays readable where the page is
 /// narrow.
@@ -17,7 +17,11 @@ pub(super) struct PlotPoint {
     pub(super) at: [f64; 2],
     /// True if the front goes through it.
     pub(super) on_front: bool,
-    /// Stands beside it.
+    /// True for the one to recommend, which has a ring.
+    pub(super) is_chosen: bool,
+    /// The number of its series, which decides its mark and its colour.
+    pub(super) series: usize,
+    /// The text beside it, if it is on the front.
     pub(super) label: String,
     /// Shown on pointing at it.
     pub(super) title: String,
@@ -51,13 +55,53 @@ pub(super) fn plot(names: [&str; 2], about: &str, points: &[PlotPoint]) -> Strin
     writeln!(svg, "<polyline class=\"line\" points=\"{}\"/>", corners.join(" ")).ok();
     for point in points {
         let ([x, y], title) = (place(point), escaped(&point.title));
-        let class = if point.on_front { "point front" } else { "point" };
-        writeln!(svg, "<g class=\"{class}\"><title>{title}</title>").ok();
-        writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\"/>").ok();
-        svg += &text([x + 6.0, y + 4.0], "start", &point.label);
+        let (class, front) = (class(point.series), if point.on_front { " front" } else { "" });
+        writeln!(svg, "<g class=\"{class}{front}\"><title>{title}</title>").ok();
+        if point.is_chosen {
+            writeln!(svg, "<circle class=\"halo\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"8\"/>").ok();
+        }
+        svg += &mark(point.series, [x, y]);
+        // Labels of all points would lie on each other.
+        if point.on_front {
+            svg += &text([x + 8.0, y + 4.0], "start", &point.label);
+        }
         svg += "</g>\n";
     }
     svg + "</svg>\n"
+}
+
+/// A legend of series, by their numbers.
+pub(super) fn legend(names: &[String]) -> String {
+    let mut html = String::from("<ul class=\"legend\">\n");
+    for (series, name) in names.iter().enumerate() {
+        let (class, mark, name) = (class(series), mark(series, [8.0; 2]), escaped(name));
+        writeln!(
+            html,
+            "<li><svg viewBox=\"0 0 16 16\" aria-hidden=\"true\"><g class=\"{class} front\">{mark}\
+             </g></svg> {name}</li>"
+        )
+        .ok();
+    }
+    html + "</ul>\n"
+}
+
+/// Series differ in shape and in colour; more series than there are of these share some.
+const SHAPES: [&str; 6] = [
+    "M-4 0A4 4 0 1 0 4 0A4 4 0 1 0 -4 0Z",
+    "M-3.6 -3.6H3.6V3.6H-3.6Z",
+    "M0 -4.8L4.6 3.6H-4.6Z",
+    "M0 -5L5 0L0 5L-5 0Z",
+    "M0 4.8L4.6 -3.6H-4.6Z",
+    "M-1.5 -4.5H1.5V-1.5H4.5V1.5H1.5V4.5H-1.5V1.5H-4.5V-1.5H-1.5Z",
+];
+
+fn mark(series: usize, [x, y]: [f64; 2]) -> String {
+    let shape = SHAPES.iter().cycle().nth(series).copied().unwrap_or_default();
+    format!("<path class=\"mark\" transform=\"translate({x:.1} {y:.1})\" d=\"{shape}\"/>\n")
+}
+
+fn class(series: usize) -> String {
+    format!("series{}", series % SHAPES.len())
 }
 
 fn text([x, y]: [f64; 2], anchor: &str, text: &str) -> String {

@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 use super::options::SweepOptions;
 use super::report::Measured;
 use super::setting::Setting;
+use super::thumbnail::Thumbnail;
 use crate::base::bytes::hex;
 use crate::base::bytes::{ByteSink, Output, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
@@ -34,7 +35,13 @@ pub struct SettingRecord {
     setting: String,
     digest: String,
     result: Option<Measured>,
+    /// A small picture of it; none in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    thumbnail: Option<Thumbnail>,
 }
+
+/// The result of a setting, and a small picture of it.
+pub type Kept = (Measured, Option<Thumbnail>);
 
 /// Path of a setting's container.
 pub fn container_path(folder: &Path, setting: &Setting) -> PathBuf {
@@ -47,9 +54,11 @@ fn record_path(folder: &Path, setting: &Setting) -> PathBuf {
 
 impl SettingRecord {
     /// A record of a result, or without one the claim to its names.
-    pub fn new(setting: &Setting, digest: &str, result: Option<Measured>) -> Self {
+    pub fn new(setting: &Setting, digest: &str, result: Option<Kept>) -> Self {
         let (schema, setting) = (RECORD_SCHEMA.to_owned(), setting.name.clone());
-        Self { schema, setting, digest: digest.to_owned(), result }
+        let (result, thumbnail) = result.unzip();
+        let thumbnail = thumbnail.flatten();
+        Self { schema, setting, digest: digest.to_owned(), result, thumbnail }
     }
 
     /// Writes it beside the setting's container.
@@ -70,19 +79,16 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// The result that a former sweep left of a setting, if it follows from the same things and its
 /// container is still there. An unreadable result is made again.
-pub fn finished(
-    folder: &Path,
-    setting: &Setting,
-    digest: &str,
-    limits: &Limits,
-) -> Option<Measured> {
+pub fn finished(folder: &Path, setting: &Setting, digest: &str, limits: &Limits) -> Option<Kept> {
     let record = read(&record_path(folder, setting), limits)?;
     let record: SettingRecord = serde_json::from_slice(&record).ok()?;
     if record.schema != RECORD_SCHEMA || record.digest != digest {
         return None;
     }
     let found = container_path(folder, setting).symlink_metadata().ok()?;
-    record.result.filter(|result| found.is_file() && found.len() == result.output_bytes)
+    let result = record.result?;
+    let is_there = found.is_file() && found.len() == result.output_bytes;
+    is_there.then_some((result, record.thumbnail))
 }
 
 /// Refuses to begin where a file that no sweep wrote is in the way of one that this would write.

@@ -4,11 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::pareto::{Point, front, knee};
 use super::setting::Setting;
+use super::thumbnail::Thumbnail;
 use crate::bake::Preset;
 use crate::view::compare::ScaleErrors;
 
-/// The figures of a setting, or the reason why there are none.
-pub(super) type Outcome = std::result::Result<Measured, String>;
+/// The figures of a setting and a small picture, or the reason why there are none.
+pub(super) type Outcome = std::result::Result<(Measured, Option<Thumbnail>), String>;
 
 /// Schema of the report.
 pub const SCHEMA: &str = "mipvog-sweep/1";
@@ -65,6 +66,8 @@ pub struct SettingReport {
     pub file: String,
     /// Options of its bake.
     pub options: serde_json::Value,
+    /// The command that bakes it alone, where the sweep came from the command line.
+    pub command: Option<String>,
     /// True if the result comes from a former sweep.
     pub resumed: bool,
     /// Bytes of the container; null where it failed, as all that follows.
@@ -81,6 +84,9 @@ pub struct SettingReport {
     pub fronts: Vec<Fronts>,
     /// The failure of a setting without a result.
     pub failure: Option<String>,
+    /// A small picture, for the page alone.
+    #[serde(skip)]
+    pub thumbnail: Option<Thumbnail>,
 }
 
 /// All of a sweep.
@@ -127,15 +133,16 @@ impl SweepReport {
 impl SettingReport {
     /// Of a result or a failure; its flags for the fronts are not known yet.
     pub(super) fn new(setting: &Setting, resumed: bool, result: Outcome) -> Self {
-        let (result, failure) = match result {
-            Ok(result) => (Some(result), None),
-            Err(failure) => (None, Some(failure)),
+        let (result, thumbnail, failure) = match result {
+            Ok((result, thumbnail)) => (Some(result), thumbnail, None),
+            Err(failure) => (None, None, Some(failure)),
         };
         Self {
             name: setting.name.clone(),
             preset: setting.preset.map(Preset::name),
             file: format!("{}.mipvog", setting.name),
             options: setting.options.to_json(),
+            command: setting.command.clone(),
             resumed,
             output_bytes: result.as_ref().map(|result| result.output_bytes),
             sha256: None,
@@ -144,6 +151,7 @@ impl SettingReport {
             errors: result.map(|result| result.errors).unwrap_or_default(),
             fronts: Vec::new(),
             failure,
+            thumbnail,
         }
     }
 }

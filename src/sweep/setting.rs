@@ -16,6 +16,11 @@ pub struct Setting {
     pub options: BakeOptions,
     /// The preset that says the same, if the sweep was asked for one.
     pub preset: Option<Preset>,
+    /// The options of `bake` that it stands for, as they are typed; none where options were made
+    /// otherwise.
+    pub words: Option<Vec<String>>,
+    /// The command that bakes it, where that is known.
+    pub command: Option<String>,
 }
 
 /// Values of an option to try.
@@ -82,34 +87,40 @@ impl Grid {
         if *self == Self::default() {
             return Self::usual().settings();
         }
-        let mut combined = vec![BakeOptions::default()];
+        let mut combined = vec![(BakeOptions::default(), Vec::new())];
         if self.lists.is_empty() {
             combined.clear();
         }
         for axis in self.axes() {
             let mut varied = Vec::new();
-            for options in &combined {
+            for (options, words) in &combined {
                 for (option, text) in &axis {
-                    let mut options = options.clone();
+                    let (mut options, mut words) = (options.clone(), words.clone());
+                    let key = format!("--{}", option.key);
                     option
                         .set_of_list(&mut options, text)
-                        .map_err(|reason| Error::usage(format!("--{}: {reason}", option.key)))?;
-                    varied.push(options);
+                        .map_err(|reason| Error::usage(format!("{key}: {reason}")))?;
+                    words.extend([key, (*text).to_owned()]);
+                    varied.push((options, words));
                 }
             }
             combined = varied;
         }
         let mut settings: Vec<Setting> = Vec::new();
-        for options in combined {
+        for (options, words) in combined {
             if settings.iter().all(|setting| setting.options != options) {
-                settings.push(Setting::new(options));
+                settings.push(Setting { words: Some(words), ..Setting::new(options) });
             }
         }
         for &preset in &self.presets {
             let options = preset.options();
             match settings.iter_mut().find(|setting| setting.options == options) {
                 Some(setting) => setting.preset = Some(preset),
-                None => settings.push(Setting { preset: Some(preset), ..Setting::new(options) }),
+                None => settings.push(Setting {
+                    preset: Some(preset),
+                    words: Some(vec!["--preset".to_owned(), preset.name().to_owned()]),
+                    ..Setting::new(options)
+                }),
             }
         }
         Ok(settings)
@@ -119,7 +130,7 @@ impl Grid {
 impl Setting {
     /// A setting, named after its options.
     pub fn new(options: BakeOptions) -> Self {
-        Self { name: name(&options), options, preset: None }
+        Self { name: name(&options), options, preset: None, words: None, command: None }
     }
 }
 

@@ -86,3 +86,39 @@ fn settings_that_contradict_the_container_are_warned_about() {
         assert_eq!(warned.matches("was baked with").count(), 1, "{warned}");
     }
 }
+
+#[test]
+fn a_page_shows_the_pictures_side_by_side() {
+    let folder = folder();
+    let here = folder.path();
+    let file = fixture("baked/tiny.rate.mipvog").display().to_string();
+    let other = fixture("baked/tiny.12bit.mipvog").display().to_string();
+    let (found, _) = report(here, &[&file, &other, "-o", "pages/report.html"]);
+    let page = std::fs::read_to_string(here.join("pages/report.html")).expect("a page");
+    for outside in ["http", "<script", "<link", "@import", "url(", "src=\"/"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    // Two frames at three scales: reference, field and error.
+    assert_eq!(page.matches("<figure>").count(), 18);
+    assert_eq!(page.matches("data:image/png;base64,").count(), 18);
+    assert!(page.contains("All frames are shown"));
+    for scale in found["scales"].as_array().expect("scales") {
+        let psnr = scale["psnr"].as_f64().expect("a number");
+        assert!(page.contains(&format!("<td>{psnr:.2}</td>")), "{psnr}");
+    }
+    // The command that made it can be run again.
+    assert!(page.contains(" compare ") && page.contains("-o pages/report.html"), "no command");
+    // A page that is there stays, and nothing is left of one that cannot be made.
+    let taken = run(here, &[&file, &other, "-o", "pages/report.html"]);
+    assert_eq!(taken.status.code(), Some(7));
+    let forced = run(here, &[&file, &other, "-o", "pages/report.html", "--force"]);
+    assert!(forced.status.success());
+    let missing = run(here, &["missing.mipvog", &other, "-o", "more/report.html"]);
+    assert!(!missing.status.success() && !here.join("more").exists());
+    // Names are text, not markup.
+    std::fs::copy(&other, here.join("a<b>&.mipvog")).expect("copied");
+    let named = run(here, &[&file, "a<b>&.mipvog", "-o", "named.html"]);
+    assert!(named.status.success());
+    let page = std::fs::read_to_string(here.join("named.html")).expect("a page");
+    assert!(page.contains("a&lt;b&gt;&amp;.mipvog") && !page.contains("a<b>"));
+}

@@ -177,6 +177,6 @@ fn seconds_of_a_fit_count_its_pictures() {
         assert_eq!((&level["steps"], &level["kept"]), (&json!(0), &json!(false)));
         assert!(level["psnr_before"].is_null(), "{level}");
     }
-    assert!(warnings.contains("took no step before the fit was ended"), "{warnings}");
+    assert!(warnings.contains("took no step before the fit ended"), "{warnings}");
     told(here, &["validate", "a.mipvog"]);
 }

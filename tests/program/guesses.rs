@@ -62,7 +62,7 @@ fn a_second_path_is_an_output() {
     let folder = workplace();
     let here = folder.path();
     let bake = "mipvog-bake bake in.tar -o out.mipvog";
-    teaches(here, &["bake", "in.tar", "out.mipvog"], 2, &["it goes after -o", bake]);
+    teaches(here, &["bake", "in.tar", "out.mipvog"], 2, &["pass it after -o", bake]);
     teaches(here, &["bake", "in.tar"], 2, &["mipvog-bake bake in.tar -o in.mipvog"]);
     let transcode = ["transcode", "a.mipvog", "b.mipvog"];
     teaches(here, &transcode, 2, &["an output goes after -o: -o b.mipvog"]);

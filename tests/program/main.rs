@@ -14,6 +14,7 @@ mod common {
 
 mod assets;
 mod bake_options;
+mod blender;
 mod call;
 mod cameras;
 mod command_lines;

@@ -91,3 +91,57 @@ fn transcoding_reports_as_a_bake_does() {
     }
     assert!(!here.join("c.mipvog").exists());
 }
+
+#[test]
+fn containers_are_rotated_scaled_and_moved() {
+    let folder = folder();
+    let here = folder.path();
+    let scene = fixture("trained/tiny/fine_last.tar").display().to_string();
+    report(here, &["bake", &scene, "-o", "a.mipvog"]);
+    let bounds = |name: &str| {
+        let bounds = &report(here, &["inspect", name])["metadata"]["bounds"];
+        ["min", "max"]
+            .map(|corner| [0, 1, 2].map(|axis| bounds[corner][axis].as_f64().expect("a number")))
+    };
+    let transcode = |more: &[&str]| {
+        let verb = ["transcode", "a.mipvog", "-o", "b.mipvog", "--force"];
+        report(here, &[&verb[..], more].concat())
+    };
+    let [min, max] = bounds("a.mipvog");
+    let moved = transcode(&["--up", "y", "--scale", "2", "--translate=-1,0,0.5"]);
+    assert_eq!(moved["options"]["rotate"], serde_json::json!([90, 0, 0]));
+    assert_eq!(moved["options"]["scale"], 2.0);
+    assert_eq!(moved["options"]["translate"], serde_json::json!([-1.0, 0.0, 0.5]));
+    // y is up now: (x, y, z) is (x, -z, y).
+    let want = [
+        [2.0 * min[0] - 1.0, -2.0 * max[2], 2.0 * min[1] + 0.5],
+        [2.0 * max[0] - 1.0, -2.0 * min[2], 2.0 * max[1] + 0.5],
+    ];
+    let found = bounds("b.mipvog");
+    let pairs = want.as_flattened().iter().zip(found.as_flattened());
+    assert!(pairs.clone().all(|(want, found)| (want - found).abs() < 1e-6), "{found:?} {want:?}");
+    assert_eq!(report(here, &["validate", "b.mipvog"])["valid"], true);
+    // Nothing is moved without options that move, or by those that do not.
+    let read = |name: &str| std::fs::read(here.join(name)).expect("a container");
+    transcode(&["--rotate", "360,0,-720", "--scale", "1", "--translate", "0,0,0"]);
+    assert!(read("a.mipvog") == read("b.mipvog"));
+    for (wrong, says) in [
+        (&["--rotate", "45,0,0"][..], "multiples of 90 degrees"),
+        (&["--rotate", "90"], "three numbers"),
+        (&["--rotate", "90,0,0", "--up", "y"], "cannot be used with"),
+        (&["--up", "w"], "possible values"),
+        (&["--scale", "0"], "above 0"),
+        (&["--scale", "-2"], "above 0"),
+        (&["--scale", "nan"], "above 0"),
+        (&["--translate", "1,2"], "three numbers"),
+        (&["--translate", "inf,0,0"], "three numbers"),
+        (&["--translate", "0,1e9,0"], "along axis y"),
+    ] {
+        let refused =
+            run(here, &[&["transcode", "a.mipvog", "-o", "c.mipvog"][..], wrong].concat());
+        assert_eq!(refused.status.code(), Some(2), "{wrong:?}");
+        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(message.contains(says), "{wrong:?}: {message}");
+    }
+    assert!(!here.join("c.mipvog").exists());
+}

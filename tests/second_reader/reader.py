@@ -116,7 +116,7 @@ def metadata(data):
     try:
         meta = json.loads(data.decode("utf-8"), object_pairs_hook=once)
     except (ValueError, RecursionError) as error:
-        raise Refused(f"META is no JSON: {error}") from None
+        raise Refused(f"META is not JSON: {error}") from None
     check(meta, ("object", "metadata"))
     need(all(low < high for low, high in zip(meta["bounds"]["min"], meta["bounds"]["max"])), "min is not below max")
     levels = meta["levels"]

@@ -73,7 +73,7 @@ fn a_level_without_time_takes_no_step_and_is_named() {
     let report = report(&output);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     for level in report["fitted"]["levels"].as_array().expect("levels") {
-        let idle = format!("level {} took no step before the fit was ended", level["level"]);
+        let idle = format!("level {} took no step before the fit ended", level["level"]);
         assert!(level["steps"] == 0 && message.contains(&idle), "{level}: {message}");
     }
 }

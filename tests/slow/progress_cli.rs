@@ -75,7 +75,7 @@ fn parts_of_long_steps_are_named() {
     let tiny = fixture("trained/tiny/fine_last.tar").display().to_string();
     let short =
         said(&["bake", &tiny, "-o", "b.mipvog", "--filter", "fit", "--fit-seconds", "0.01"]);
-    assert!(short.contains("warning: level 2 took no step before the fit was ended"), "{short}");
+    assert!(short.contains("warning: level 2 took no step before the fit ended"), "{short}");
     let view = ["--turntable", "40", "--size", "200", "-o", "x"];
     let render = said(&[&["render", &lego, "--stepsize", "0.5"], &view[..]].concat());
     assert!(render.contains("render: picture ") && render.contains("/40, "), "{render}");

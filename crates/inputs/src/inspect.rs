@@ -38,9 +38,9 @@ pub struct Inspection {
     pub optimizer_bytes: u64,
     /// Bytes of all other tensors.
     pub other_bytes: u64,
-    /// The family of models that it belongs to, as far as that is known.
+    /// The family of models that it belongs to, if known.
     pub model: Option<Family>,
-    /// The scene as a bake would take it without options; none where it could not.
+    /// The scene as a bake without options would read it; none if it cannot be baked.
     pub scene: Option<SceneContent>,
     /// The reason why it could not be baked.
     pub problem: Option<String>,
@@ -100,8 +100,7 @@ pub struct ListedValue {
 /// Lists an input of any kind.
 ///
 /// # Errors
-/// As [`tensor::open`]. A file that is read but could not be baked is no error: the result says
-/// why.
+/// As [`tensor::open`]. A file that can be read but not baked is not an error; the result says why.
 pub fn inspect(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Inspection> {
     inspect_tensors(&tensor::open(&file_of(path), limits)?, options, limits)
 }

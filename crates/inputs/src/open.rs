@@ -11,7 +11,8 @@ use crate::base::limits::Limits;
 use crate::nerfacto::newest_checkpoint;
 use crate::snerg::layout;
 
-/// Opens a trained model, told by its content. Grids stay in the file until they are needed.
+/// Opens a trained model, whose type is detected from the content. Grids stay in the file until
+/// they are needed.
 ///
 /// ```no_run
 /// use mipvog::{BakeOptions, Baker};
@@ -24,8 +25,8 @@ use crate::snerg::layout;
 ///
 /// # Errors
 ///
-/// A file that cannot be read, is malformed, asks for more than the default
-/// [`Limits`], or holds a model that this version does not know.
+/// A file that cannot be read, is malformed, exceeds the default [`Limits`], or holds an
+/// unsupported model.
 pub fn open(path: impl AsRef<Path>) -> Result<Source> {
     open_with(path.as_ref(), &SourceOptions::default(), &Limits::default())
 }
@@ -40,11 +41,11 @@ pub fn file_of(path: &Path) -> PathBuf {
     newest_checkpoint(path).unwrap_or_else(|| path.to_owned())
 }
 
-/// Opens a trained model with settings that its file lacks.
+/// Opens a trained model, with settings that its file lacks.
 ///
 /// # Errors
 ///
-/// As [`open()`], and settings out of their range.
+/// As [`open()`], and settings that are out of range.
 pub fn open_with(path: &Path, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     open_tensors(&tensor::open(&file_of(path), limits)?, options, limits)
 }

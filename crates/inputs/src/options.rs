@@ -11,29 +11,29 @@ use crate::base::error::{Error, Result};
 pub struct SourceOptions {
     /// Step length in voxels. Default: 0.5, with an assumption
     pub stepsize: Option<f32>,
-    /// The coarse checkpoint that the mask comes from. Default: where the checkpoint says, else
-    /// beside it
+    /// The coarse checkpoint, for the threshold of the mask. Default: the one that the checkpoint
+    /// names, or the one beside it
     pub coarse: Option<PathBuf>,
     /// The network to bake. Default: the checkpoint's
     pub mlp: MlpChoice,
-    /// Start of rays, in units of the unnormalised direction. Default: 0
+    /// Distance along the camera's axis at which rays start. Default: 0
     pub near: Option<f32>,
-    /// Farthest entry of rays into the box, likewise. Default: without bound
+    /// Farthest distance at which sampling may start, likewise. Default: unlimited
     pub far: Option<f32>,
     /// Colour behind the field. Default: white
     pub background: Option<[f32; 3]>,
     /// Samples of at most this weight add no colour. Default: the checkpoint's
     /// `fast_color_thres`, else 1e-4
     pub color_threshold: Option<f32>,
-    /// The input's world is the scene's times this, above 0: positions are divided by it, and
-    /// densities are multiplied. Default: as the input says, else 1
+    /// Input units per scene unit, above 0: positions are divided by it, and densities multiplied.
+    /// Default: from the input, else 1
     pub scene_scale: Option<f32>,
-    /// The part of the view-dependent colour that is kept. Default: all
+    /// The view-dependent colour to keep. Default: all
     pub view: ViewChoice,
-    /// Places of the cameras that colours are fitted for, where a model's colours have to be; one
-    /// in eight is left out. Default, and if there are fewer than 16: all around
+    /// Camera positions for which colours are fitted, if a model's colours need a fit; one in eight
+    /// is held out. Default, and for fewer than 16: positions all around
     pub cameras: Vec<[f64; 3]>,
-    /// Keeps the inner box of an unbounded scene alone. Default: all that the model shows
+    /// Keeps only the inner box of an unbounded scene. Default: everything that the model shows
     pub drop_background: bool,
     /// Nodes along the longest axis of a model that has none, or along an edge of an unbounded
     /// scene's first box. Default: 256, or as many as the model has there. Of PeRFception's Plenoxels
@@ -90,7 +90,7 @@ impl SourceOptions {
     /// Scales that scenes have: beyond them float32 loses boxes.
     pub(crate) const SCALES: std::ops::RangeInclusive<f32> = 1e-9..=1e9;
 
-    /// Refuses values that no scene has.
+    /// Refuses values that are out of range.
     pub fn check(&self) -> Result<()> {
         let refuse = |option, found: &dyn std::fmt::Debug, expected: &str| {
             Err(Error::invalid_option(option, format!("{found:?}"), expected))

@@ -67,7 +67,7 @@ const MODELS: [OtherModel; 22] = [
     },
     OtherModel {
         parts: &["_model.proposal_networks.", "_model.field."],
-        name: "a relative of nerfacto in nerfstudio, or a version of it that is not read",
+        name: "a variant or version of nerfacto that is not supported",
         advice: Advice::Nerfstudio,
     },
     OtherModel {
@@ -82,7 +82,7 @@ const MODELS: [OtherModel; 22] = [
     },
     OtherModel {
         parts: &["_model.field.mlp_base.", "_model.field.mlp_head."],
-        name: "a relative of nerfacto in nerfstudio, without networks of proposals",
+        name: "a variant of nerfacto without proposal networks",
         advice: Advice::Nerfstudio,
     },
     OtherModel { parts: &["_model."], name: "a model of nerfstudio", advice: Advice::Nerfstudio },

@@ -47,12 +47,12 @@ pub(super) fn rescale(mut source: Source, options: &SourceOptions) -> Result<Sou
     match (scene.bounds.check_model(&place), options.scene_scale) {
         (Ok(()), _) if scale == 1.0 || has_steps => Ok(source),
         (_, Some(scale)) => {
-            let expected = "a scale that leaves a box with corners within 1e10 of 0";
+            let expected = "a scale that keeps the corners of the box within 1e10 of 0";
             Err(Error::invalid_option("scene_scale", scale.to_string(), expected))
         }
         (Err(error), None) => Err(error),
         (Ok(()), None) => {
-            let expected = "a scale that leaves voxels with an extent";
+            let expected = "a scale that keeps the size of voxels above 0";
             Err(Error::malformed(place, scale.to_string(), expected))
         }
     }

@@ -34,11 +34,12 @@ pub struct SceneSettings {
 }
 
 impl SceneSettings {
-    /// Reads the settings beside an input, or inside of a folder. `None` if there is no such file.
+    /// Reads the settings beside an input, or inside a folder. `None` if there is no such file.
     ///
     /// # Errors
     ///
-    /// A file that cannot be read or is no TOML or JSON; a setting of another type or out of range.
+    /// A file that cannot be read or is not TOML or JSON; a setting of the wrong type or out of
+    /// range.
     pub fn beside(input: &Path, limits: &Limits) -> Result<Option<Self>> {
         let folder = if input.is_dir() { Some(input) } else { input.parent() };
         let folder = folder.unwrap_or(Path::new(""));
@@ -61,7 +62,7 @@ impl SceneSettings {
     ///
     /// # Errors
     ///
-    /// Bytes that are no TOML or JSON; a setting of another type or out of range.
+    /// Bytes that are not TOML or JSON; a setting of the wrong type or out of range.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let is_toml = path.extension().is_some_and(|extension| extension == "toml");
         let options = match is_toml {
@@ -73,7 +74,7 @@ impl SceneSettings {
         Ok(Self { path: path.to_owned(), options })
     }
 
-    /// Sets those of `options` that are still open. Returns their names.
+    /// Sets those of `options` that are not set yet. Returns their names.
     pub fn complete(&self, options: &mut SourceOptions) -> Vec<&'static str> {
         let mut names = Vec::new();
         fn set<T: Copy>(

@@ -8,13 +8,13 @@ use crate::model::field::RadianceField;
 use crate::model::trained_model::LoadModel;
 use crate::tensor::FileKind;
 
-/// A trained model, understood.
+/// A trained model that can be baked.
 #[derive(Debug, Clone)]
 pub struct Source {
     /// The trained scene; its grids are still in the file.
     pub field: RadianceField,
-    /// The model by the rules of its own program, where they differ from the field's. Pictures of
-    /// the unbaked input are made of it.
+    /// The model with its own program's rules, if they differ from the field's. It renders pictures
+    /// of the unbaked input.
     pub model: Option<Arc<dyn LoadModel>>,
     /// The program family that wrote it.
     pub family: Family,
@@ -22,11 +22,11 @@ pub struct Source {
     pub kind: FileKind,
     /// True if the digest holds checksums of all values.
     pub has_checksums: bool,
-    /// True for a scene without an end, of which as much is kept as the user says.
+    /// True for an unbounded scene; the user decides how much of it is kept.
     pub is_unbounded: bool,
-    /// The input's world is the scene's times this, unless the user says otherwise.
+    /// Input units per scene unit, unless the user sets another value.
     pub scene_scale: f32,
-    /// Settings that it lacks and that were assumed, to be shown to the user.
+    /// Assumed values of missing settings, to be shown to the user.
     pub assumptions: Vec<Assumption>,
     /// Names of the settings of [`SourceOptions`](super::SourceOptions) that the file records.
     pub recorded: Vec<&'static str>,
@@ -64,7 +64,7 @@ pub enum Family {
     /// PlenOctrees (svox, volrend).
     #[serde(rename = "plenoctree")]
     PlenOctree,
-    /// Arrays of density and colour that anybody's code sampled.
+    /// Sampled arrays of density and colour, from any program.
     Sampled,
     /// TensoRF, vector-matrix or CP.
     Tensorf,
@@ -81,7 +81,7 @@ pub enum Family {
     SvRaster,
     /// nerfstudio's nerfacto.
     Nerfacto,
-    /// Volumes of programs for effects, in OpenVDB files.
+    /// Volumes in OpenVDB files.
     Vdb,
 }
 
@@ -106,7 +106,7 @@ impl Family {
         matches!(self, Self::InstantNgp | Self::TorchNgp | Self::Nerfacto)
     }
 
-    /// Its name, as people know it.
+    /// Its common name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::MipVog => "Mip-VoG",
@@ -126,7 +126,7 @@ impl Family {
     }
 }
 
-/// Something that a checkpoint does not say.
+/// A setting that the input lacks.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Assumption {

@@ -104,7 +104,7 @@ fn read(file: &TensorFile, limits: &Limits) -> Result<Unpacked> {
 fn tensor<'a>(file: &'a TensorFile, name: &str) -> Result<&'a Tensor> {
     file.root.get(name).and_then(Value::tensor).ok_or_else(|| {
         let place = Place::Tensor(name.to_owned());
-        Error::malformed(place, "no such tensor", "one, as the metadata says")
+        Error::malformed(place, "no such tensor", "the tensor that the metadata states")
     })
 }
 

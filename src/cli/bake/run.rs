@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     if options.memory.is_some() && arguments.gltf.path().is_some() {
         let rest = "the mesh of --gltf is made of the whole container";
-        warn(&format!("--memory holds for the bake alone: {rest}"), common);
+        warn(&format!("--memory applies to the bake only: {rest}"), common);
     }
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = create_container(&arguments.output, replace)?;

@@ -111,6 +111,6 @@ impl SceneResult {
     /// `Usage` for what JSON cannot hold.
     pub fn line(&self) -> Result<String> {
         let line = serde_json::to_string(self).map(|line| line + "\n");
-        line.map_err(|error| Error::usage(format!("the result is no JSON: {error}")))
+        line.map_err(|error| Error::usage(format!("the result is not JSON: {error}")))
     }
 }

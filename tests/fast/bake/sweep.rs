@@ -200,6 +200,14 @@ fn the_page_needs_no_other_and_the_table_has_a_row_for_each() {
     let (scales, settings) = (report.scales.len(), report.settings.len());
     assert_eq!(html.matches("<title>").count(), 1 + 2 * scales * settings);
     assert!(html.contains("prefers-color-scheme: dark") && !html.contains("NaN"));
+    // Each setting has a picture, the one to recommend has a ring in each plot.
+    assert_eq!(html.matches("src=\"data:image/png;base64,").count(), settings);
+    assert_eq!(html.matches("class=\"halo\"").count(), 2 * scales);
+    assert!(html.contains(&format!("Recommended: <strong>{}</strong>", recommended.name)));
+    // A sweep that takes them from records has the same.
+    let again = run(folder.path(), &options(&[4, 6, 8]));
+    assert!(resumed(&again).into_iter().all(|resumed| resumed));
+    assert_eq!(read(&folder.path().join("sweep.html")), html);
 
     let csv = read(&folder.path().join("sweep.csv"));
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
@@ -214,7 +222,31 @@ fn the_page_needs_no_other_and_the_table_has_a_row_for_each() {
     }
     let json: serde_json::Value =
         serde_json::from_str(&read(&folder.path().join("sweep.json"))).expect("JSON");
-    assert_eq!(json, serde_json::to_value(&report).expect("JSON"));
+    assert_eq!(json, serde_json::to_value(&again).expect("JSON"));
+}
+
+#[test]
+fn filters_differ_in_shape_and_colour() {
+    let folder = folder();
+    let mut options = options(&[6]);
+    let grid = Grid::default().with("filter", &["code", "paper"]).with("bits", &["6"]);
+    options.settings = grid.settings().expect("values");
+    let words: Vec<_> = options.settings.iter().filter_map(|s| s.words.clone()).collect();
+    assert_eq!(words[0], ["--filter", "code", "--bits", "6"]);
+    options.settings[0].command = Some("mipvog-bake bake 'a b' <&".to_owned());
+    run(folder.path(), &options);
+    let html = read(&folder.path().join("sweep.html"));
+    assert_balanced(&html);
+    let legend = html.split("class=\"legend\"").nth(1).expect("a legend");
+    let legend = legend.split("</ul>").next().expect("its end");
+    let shapes: Vec<&str> =
+        legend.split(" d=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert_eq!(shapes.len(), 2);
+    assert_ne!(shapes[0], shapes[1]);
+    assert!(legend.contains("code") && legend.contains("paper"));
+    assert!(html.contains("class=\"series0") && html.contains("class=\"series1"));
+    // The command can be copied as it stands.
+    assert!(html.contains("<code>mipvog-bake bake &#39;a b&#39; &lt;&amp;</code>"));
 }
 
 /// Every element is closed, in order.

@@ -4,6 +4,7 @@ mod damage;
 mod limits;
 mod metadata;
 mod parts;
+mod place;
 mod prefix;
 mod runs;
 mod slices;

@@ -165,7 +165,7 @@ fn what_no_container_can_hold_is_refused_by_name() {
         assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     };
-    refused("plenoxels_background.npz", "spheres behind the box");
+    refused("plenoxels_background.npz", "background spheres");
     let options = SourceOptions { drop_background: true, ..SourceOptions::default() };
     let source = open("plenoxels_background.npz", &options).expect("the box alone");
     assert!(source.assumptions.iter().any(|assumption| assumption.key == "background_data"));

@@ -117,8 +117,8 @@ fn lies_are_found() {
     malformed(with("sparse_grid_resolution", json!(40_000_000)), "1 to 65536");
     malformed(with("data_block_size", json!(0)), "1 to 256");
     malformed(with("data_block_size", json!(16)), "pixels");
-    malformed(with("range_density", json!([3, 3])), "a lower and a higher number");
-    malformed(with("range_features", json!([1, 2, 3])), "a lower and a higher number");
+    malformed(with("range_density", json!([3, 3])), "a lower, then a higher number");
+    malformed(with("range_features", json!([1, 2, 3])), "a lower, then a higher number");
     malformed(with("atlas_width", json!(45)), "36 x 36 pixels");
     malformed(with("0_weights", json!([[1, 2], [3]])), "0_weights");
     for name in ["occupancy_grid_8.png", "plane_features_2.png", "sparse_grid_features_011.png"] {

@@ -289,7 +289,7 @@ fn the_grid_of_density_may_be_named() {
         assert!(error.to_string().contains("temperature"), "{error}");
     }
     let error = volume("full.vdb", "Cd").expect_err("a colour");
-    assert!(error.to_string().contains("one number a voxel"), "{error}");
+    assert!(error.to_string().contains("one number per voxel"), "{error}");
     let options = SourceOptions { grid: Some("density".to_owned()), ..SourceOptions::default() };
     let error = of_bytes(sampled().to_bytes(), &options).expect_err("no volume");
     assert!(matches!(error.kind(), ErrorKind::Usage { .. }), "{error}");

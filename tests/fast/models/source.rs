@@ -197,7 +197,7 @@ fn the_coarse_checkpoint_is_found_beside_the_fine_one() {
 
 #[test]
 fn other_models_are_refused_with_the_reason() {
-    for (name, reason) in [("multiplane.tar", "multiplane"), ("nearest.tar", "nearest node")] {
+    for (name, reason) in [("multiplane.tar", "multiplane"), ("nearest.tar", "nearest-neighbour")] {
         let error = refuse(&format!("refused/{name}"));
         assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
         assert!(error.to_string().contains(reason), "{error}");

@@ -30,13 +30,13 @@ export interface Box {
 
 /** `sigma = softplus(raw + shift)` or `max(raw, 0)`, `alpha = 1 - exp(-sigma * interval)`. */
 export interface Activation {
-  /** Added to raw density before softplus; 0 beside `relu`. */
+  /** Added to raw density before softplus; 0 with `relu`. */
   shift: number;
-  /** Step length over base voxel size. */
+  /** Step length divided by the base voxel size. */
   interval: number;
   /** The values that are interpolated between nodes. */
   order: "raw" | "density" | "opacity";
-  /** Raw density to density; left out where it is softplus. */
+  /** Raw density to density; absent for softplus. */
   function?: "relu";
 }
 
@@ -44,19 +44,19 @@ export interface Activation {
 export interface March {
   /** Step length in voxels. */
   stepsize: number;
-  /** Edge of a cubic voxel of the same volume as the trained one, in world units. `stepsize` of these are the interval that opacities are stated over. */
+  /** Edge, in world units, of a cube with the volume of a trained voxel. `stepsize * voxel_size` is the interval over which opacities are stated. */
   voxel_size: number;
-  /** Edges of the voxels that steps are counted in, in world units; none are cubes of `voxel_size`. A step is `stepsize / |d / voxel|` long along a unit direction `d`. */
+  /** Edges, in world units, of the voxels that are the unit of steps; absent for cubes of `voxel_size`. Along a unit direction `d`, a step is `stepsize / |d / voxel|` long. */
   voxel?: Triple;
-  /** Rays start no nearer than this, in units of the unnormalised direction. */
+  /** Nearest start of rays, in units of the unnormalised direction. */
   near: number;
-  /** Rays enter the box no farther than this; null is without bound. */
+  /** Farthest start of rays in the box, in the same units; null is unlimited. */
   far: number | null;
   /** Samples of at most this weight add no colour. */
   color_threshold: number;
-  /** Samples of at most this opacity are dropped altogether. */
+  /** Samples of at most this opacity are dropped. */
   alpha_threshold: number;
-  /** The part of the box in which rays are sampled; none is all of it. Samples outside of it, where nodes may still be, are none. */
+  /** The part of the box in which rays are sampled; absent for all of it. There are no samples outside it, though there may be nodes. */
   sampled?: Box;
 }
 
@@ -66,11 +66,11 @@ export interface LevelOfDetail {
   factor: number;
   /** Added after the factor. */
   bias: number;
-  /** The sample of the neighbouring ray that the footprint is measured to. */
+  /** The point of the neighbouring ray to which the footprint is measured. */
   aside: "same_distance" | "same_index";
-  /** An upper bound beside the last level, if there is one. */
+  /** An upper bound in addition to the last level, if any. */
   most: number | null;
-  /** Where the line bends; left out where it does not. */
+  /** Bends of the line; absent if there are none. */
   bends?: [number, number][];
 }
 
@@ -96,21 +96,21 @@ export interface Harmonics {
 export interface Encoding {
   /** Number type of codes. */
   number: "u8" | "u16" | "f16" | "f32";
-  /** Bits that codes use: 1 to 16, or those of the float. */
+  /** Bits per code: 1 to 16, or those of the float. */
   bits: number;
   /** Value of the middle code; 0 for floats. */
   center: number;
-  /** Distance of neighbouring codes' values at the middle; 0 for floats. */
+  /** Difference between the values of neighbouring codes at the middle; 0 for floats. */
   step: number;
-  /** Growth of that distance towards the ends; 0 for floats. */
+  /** Growth of that difference towards the ends; 0 for floats. */
   curve: number;
-  /** Value of dropped blocks. */
+  /** Value of nodes in blocks that are not stored. */
   empty: number;
   /** True if code 0 means `empty`. */
   empty_code: boolean;
   /** Meaning of decoded values. */
   decode: "logit" | "linear" | "band_0" | "band_1" | "band_2" | "band_3" | "directional_logit" | "directional_sqrt_depth" | "raw_density" | "sqrt_optical_depth" | "opacity";
-  /** Largest distance, at a retained node, between the decoded and the encoded value: in opacity over one interval for density, in colour (0 to 1) otherwise. */
+  /** Largest error of a decoded value at a retained node: in opacity over one interval for density, in colour (0 to 1) otherwise. */
   max_error: number;
 }
 
@@ -122,27 +122,27 @@ export interface LevelMetadata {
   block_size: number;
   /** The box of a shell; left out of levels. */
   bounds?: Box;
-  /** Stored blocks, those whose colours are inherited among them. */
+  /** Stored blocks, including those that inherit their colours. */
   blocks_stored: number;
-  /** Blocks whose colours are inherited from the next coarser level; left out where there are none. */
+  /** Blocks that inherit their colours from the next coarser level; absent if there are none. */
   blocks_filled?: number;
-  /** Density; null where every level uses level 0's. */
+  /** Density; null if the level uses that of level 0. */
   density: Encoding | null;
   /** Diffuse colour. */
   diffuse: Encoding;
-  /** Specular features; null without any. */
+  /** Specular features; null if there are none. */
   features: Encoding | null;
-  /** Coefficients of harmonics, band 1 first; left out where there are none. */
+  /** Coefficients of harmonics, band 1 first; absent if there are none. */
   bands?: Encoding[];
-  /** Directional brightness; left out where there is none. */
+  /** Directional brightness; absent if there is none. */
   directional?: Encoding;
-  /** Anisotropy of density; left out where there is none. */
+  /** Anisotropy of density; absent if there is none. */
   anisotropy?: Encoding;
 }
 
-/** All that is not bulk. Levels go fine to coarse. */
+/** Everything except bulk data. Levels are ordered fine to coarse. */
 export interface Metadata {
-  /** The box of level 0, and without shells of every level, in training axes. */
+  /** The box of level 0, in training axes; without shells, that of every level. */
   bounds: Box;
   /** Raw density to opacity. */
   activation: Activation;
@@ -164,13 +164,13 @@ export interface Metadata {
   view: Harmonics | NetworkShape | null;
   /** True if samples outside the free-space mask in chunk `MASK` are dropped. */
   free_space: boolean;
-  /** Opacity over one interval up to which blocks were dropped. Not for single samples. */
+  /** Blocks up to this opacity over one interval were dropped. Renderers do not apply it to samples. */
   alpha_threshold: number;
   /** Name of the filter that made the coarser levels. */
   filter: string;
   /** Fine to coarse. */
   levels: LevelMetadata[];
-  /** What lies around the box of level 0, from level 1 on; left out where nothing does. */
+  /** Shells of levels 1, 2, ...: what they show around smaller boxes; absent without nested boxes. */
   shells?: LevelMetadata[];
 }
 

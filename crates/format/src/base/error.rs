@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 pub use super::place::Place;
 
-/// The remedy for files of a version that only a later one of this program can know.
+/// The remedy for files that only a later version of this program can read.
 pub const NEWER: &str = "use a newer version of this tool";
 
 /// The crate's result.
@@ -37,7 +37,7 @@ pub enum ErrorKind {
     Io(std::io::Error),
     /// The caller asked to stop.
     Cancelled,
-    /// The bytes end before the thing they should hold.
+    /// The bytes end too early.
     Truncated {
         /// Bytes needed at the place.
         wanted: u64,
@@ -46,7 +46,7 @@ pub enum ErrorKind {
     },
     /// A number is larger than [`crate::base::limits::Limits`] allows.
     OverLimit {
-        /// The limit that users may raise; none where the bound is the format's or the reader's.
+        /// The limit that users may raise; none if it is fixed by the format or the reader.
         limit: Option<LimitName>,
         /// The thing that is counted.
         what: &'static str,
@@ -55,11 +55,11 @@ pub enum ErrorKind {
         /// The most that is allowed.
         allowed: u64,
     },
-    /// More memory would be needed than the user allows.
+    /// The work needs more memory than the user allows.
     TooLittleMemory {
-        /// Bytes that would do.
+        /// Bytes that would be enough.
         least: u64,
-        /// Bytes that are allowed.
+        /// Bytes allowed.
         allowed: u64,
     },
     /// A product of counts does not fit the address space.
@@ -69,37 +69,37 @@ pub enum ErrorKind {
     },
     /// Stored and computed checksums differ: the bytes were damaged.
     Checksum {
-        /// The bytes that were summed.
+        /// The summed bytes.
         what: String,
-        /// Checksum of the bytes as they are.
+        /// Computed checksum of the bytes.
         found: u32,
-        /// Checksum that the file states.
+        /// Checksum stated in the file.
         expected: u32,
     },
     /// The bytes break the rules of their format.
     Malformed {
         /// The value found.
         found: String,
-        /// The value that the format asks for.
+        /// The value that the format requires.
         expected: String,
     },
-    /// A healthy file, or one that nothing is known of, which is not of the expected kind.
+    /// A file that is not of the expected kind, and not known to be damaged.
     WrongKind {
         /// The kind found.
         found: String,
-        /// The kinds that would do.
+        /// The accepted kinds.
         expected: String,
     },
-    /// Well-formed, but a version, feature or model that this build does not know.
+    /// Well-formed, but of a version, feature or model that this build does not support.
     Unsupported {
         /// The value found.
         found: String,
-        /// The values that would be understood.
+        /// The supported values.
         expected: String,
     },
     /// A grid holds infinities or NaNs.
     NonFinite {
-        /// Values that are not finite, among those read.
+        /// Number of values that are not finite, among those read.
         count: u64,
         /// Channel, x, y, z of the first one.
         first: [usize; 4],
@@ -109,16 +109,16 @@ pub enum ErrorKind {
         /// The contradiction.
         message: String,
     },
-    /// An option has a value that cannot be followed.
+    /// An option has an invalid value.
     InvalidOption {
         /// The option's name in the library, in snake case.
         option: &'static str,
         /// Its value, or the other option that it contradicts.
         found: String,
-        /// The values that can be followed.
+        /// The valid values.
         expected: String,
     },
-    /// The output exists already.
+    /// The output already exists.
     Exists,
     /// The output is a file that is being read, under this or another name.
     IsInput,
@@ -141,7 +141,7 @@ impl Error {
         Self::new(ErrorKind::WrongKind { found, expected }, Place::File)
     }
 
-    /// A version, feature or model that this build does not know.
+    /// A version, feature or model that this build does not support.
     pub fn unsupported(
         place: Place,
         found: impl Into<String>,
@@ -155,7 +155,7 @@ impl Error {
         Self::new(ErrorKind::Usage { message: message.into() }, Place::File)
     }
 
-    /// An option, named as in the library, with a value that cannot be followed.
+    /// An option, named as in the library, with an invalid value.
     pub fn invalid_option(
         option: &'static str,
         found: impl Into<String>,
@@ -165,7 +165,7 @@ impl Error {
         Self::new(ErrorKind::InvalidOption { option, found, expected }, Place::File)
     }
 
-    /// Refuses an option's value unless a rule holds.
+    /// Refuses an option's value unless `holds` is true.
     ///
     /// # Errors
     ///
@@ -182,7 +182,7 @@ impl Error {
         }
     }
 
-    /// Work that was ended on request.
+    /// Work that was stopped on request.
     pub fn cancelled() -> Self {
         Self::new(ErrorKind::Cancelled, Place::File)
     }
@@ -199,7 +199,7 @@ impl Error {
         self
     }
 
-    /// Gives a remedy of its own to an error whose kind tells too little of the cause.
+    /// Sets a remedy, for an error whose kind alone does not determine one.
     #[must_use]
     pub fn advise(mut self, remedy: impl Into<Cow<'static, str>>) -> Self {
         self.0.advice = Some(remedy.into());
@@ -235,7 +235,7 @@ impl Error {
         self.0.file.as_deref()
     }
 
-    /// The remedy that was given to this very error.
+    /// The remedy that was set for this error, if any.
     pub fn advice(&self) -> Option<&str> {
         self.0.advice.as_deref()
     }

@@ -5,15 +5,15 @@ use super::error::ErrorKind;
 /// Kinds of errors that call for the same response, such as an exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorClass {
-    /// The caller asked for something that cannot be.
+    /// The request is invalid.
     Usage,
-    /// The input is damaged, or no file of the expected kind.
+    /// The input is damaged, or not of the expected kind.
     Malformed,
-    /// The input is sound, and this version does not know it.
+    /// The input is valid, but not supported by this version.
     Unsupported,
     /// The operating system refused to read or write.
     InputOutput,
-    /// The input asks for more than the limits or the memory allow.
+    /// The input needs more than the limits or the memory allow.
     Limit,
     /// The output would replace a file.
     Exists,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A part of the work, in the order in which a bake does them.
+/// A step of the work, in the order of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Step {
@@ -32,7 +32,7 @@ pub enum Step {
 }
 
 impl Step {
-    /// A verb for people.
+    /// Its name in messages, a verb.
     pub fn name(self) -> &'static str {
         match self {
             Self::Views => "find views",
@@ -50,20 +50,20 @@ impl Step {
     }
 }
 
-/// Called from worker threads; [`Silent`] does nothing.
+/// Receives progress and can request a stop. Called from worker threads.
 pub trait Progress: Sync {
-    /// `step` begins and will advance by `total` in all.
+    /// `step` begins, and will advance by `total` altogether.
     fn begin(&self, _step: Step, _total: u64) {}
     /// `by` more of `step` is done.
     fn advance(&self, _step: Step, _by: u64) {}
-    /// `step` comes to a part of itself, in words: `picture 3/30`.
+    /// `step` reaches a named part, such as `picture 3/30`.
     fn part(&self, _step: Step, _name: &str) {}
-    /// Asked between pieces of work that only make a result better; `true` ends them with the
-    /// result so far.
+    /// Asked between pieces of work that only improve a result; `true` stops with the result so
+    /// far.
     fn enough(&self) -> bool {
         false
     }
-    /// Asked between pieces of work; `true` ends it with
+    /// Asked between pieces of work; `true` stops with
     /// [`crate::base::error::ErrorKind::Cancelled`].
     fn cancelled(&self) -> bool {
         false
@@ -84,7 +84,7 @@ pub trait Progress: Sync {
 pub struct CancelToken(Arc<AtomicBool>);
 
 impl CancelToken {
-    /// A token that nobody has cancelled.
+    /// A token that is not cancelled.
     pub fn new() -> Self {
         Self::default()
     }

@@ -8,13 +8,12 @@ use crate::model::baked::{GROUPS, Metadata, ViewMetadata};
 
 /// Version of the format: readers refuse another major one, and ignore a higher minor one.
 pub const VERSION: [u16; 2] = [1, 3];
-/// Required feature, since 1.1: there are blocks whose colours are inherited from the next coarser
-/// level.
+/// Required feature, since 1.1: some blocks inherit their colours from the next coarser level.
 pub const INHERITED_BLOCKS: u64 = 1;
-/// Required feature, since 1.2: colours are linear, coefficients of harmonics among them, the
-/// function of density is not softplus, or samples have a box or voxel of their own.
+/// Required feature, since 1.2: colours are linear or coefficients of harmonics, density is not
+/// softplus, or samples have their own box or voxel.
 pub const LINEAR_VALUES: u64 = 2;
-/// Required feature, since 1.2: the rule of the level of detail bends.
+/// Required feature, since 1.2: the rule that picks levels has bends.
 pub const BENT_RULE: u64 = 4;
 /// Required feature, since 1.2: levels have directional brightness.
 pub const DIRECTIONAL: u64 = 8;

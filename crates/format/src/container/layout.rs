@@ -51,7 +51,7 @@ pub struct Entry {
     pub offset: u64,
     /// Its bytes, without padding.
     pub length: u64,
-    /// Bytes from the file's start after which this chunk's level renders; 0 without a level.
+    /// Leading bytes of the file that suffice to render this chunk's level; 0 without a level.
     pub prefix: u64,
     /// CRC-32 of its bytes.
     pub checksum: u32,

@@ -94,7 +94,7 @@ fn shells(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
     }
     let found = format!("{count} beside {} levels", metadata.levels.len());
     rules.require(count < metadata.levels.len(), "shells", found, "fewer than levels")?;
-    let expected = "after_activation beside shells";
+    let expected = "after_activation with shells";
     let mixed = metadata.blend == Blend::AfterActivation;
     rules.require(mixed, "blend", "before_activation", expected)?;
     let Some(finest) = metadata.levels.first().filter(|_| rules.sound) else { return Ok(()) };

@@ -51,7 +51,7 @@ pub fn starts_container(file: &SourceFile) -> bool {
 }
 
 impl Container {
-    /// Opens a whole container and checks its structure and metadata, not yet its levels.
+    /// Opens a complete container, and checks its structure and metadata, but not yet its levels.
     ///
     /// # Errors
     /// The first rule of the specification that the file breaks. Every proper prefix of a container
@@ -180,7 +180,7 @@ impl Container {
         &self.entries
     }
 
-    /// All that is not bulk.
+    /// The metadata: everything except bulk data.
     pub fn metadata(&self) -> &Metadata {
         &self.metadata
     }

@@ -10,8 +10,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::model::baked::{BakedField, Metadata};
 
-/// A container of which some of the finest levels may be missing. Everything that is there is held
-/// to the same rules as a whole file.
+/// A container whose finest levels may be missing. All present parts must follow the same rules as
+/// in a complete file.
 #[derive(Debug)]
 pub struct Prefix {
     container: Container,
@@ -19,11 +19,11 @@ pub struct Prefix {
 }
 
 impl Container {
-    /// Opens a container that ends at a level's prefix, or whole.
+    /// Opens a container that is complete or ends at a level's prefix.
     ///
     /// # Errors
-    /// As [`Self::open`], and `Truncated` where the file ends anywhere else; then `wanted` is the
-    /// least length with which a level renders, or with which the next finer one does.
+    /// As [`Self::open`], and `Truncated` if the file ends anywhere else; `wanted` is then the
+    /// smallest length that renders a level, or the next finer level.
     pub fn read_prefix(file: Arc<SourceFile>, limits: &Limits) -> Result<Prefix> {
         let path = file.path().to_owned();
         let container = Self::open_prefix(file, limits)?;
@@ -31,7 +31,7 @@ impl Container {
         Ok(Prefix { container, finest })
     }
 
-    /// The finest level that the file holds whole.
+    /// The finest complete level of the file.
     fn finest_whole_level(&self) -> Result<usize> {
         let length = self.file().length();
         let prefixes: Vec<u64> = (0..self.metadata().levels.len())
@@ -54,23 +54,23 @@ impl Container {
 }
 
 impl Prefix {
-    /// The directory and the metadata of the whole file. Its levels that are missing cannot be read.
+    /// The directory and metadata of the complete file. Missing levels cannot be read.
     pub fn container(&self) -> &Container {
         &self.container
     }
 
-    /// The metadata of the whole file.
+    /// The metadata of the complete file.
     pub fn metadata(&self) -> &Metadata {
         self.container.metadata()
     }
 
-    /// The levels that are missing, finest first; empty for a whole file.
+    /// The missing levels, finest first; empty for a complete file.
     pub fn missing(&self) -> Range<usize> {
         0..self.finest
     }
 
-    /// Decodes the levels that are there. Missing ones have no blocks, in the metadata too, and a
-    /// renderer takes [`BakedField::finest`] instead of them.
+    /// Decodes the present levels. Missing levels have no blocks, also in the metadata, and
+    /// renderers use [`BakedField::finest`] instead.
     ///
     /// # Errors
     /// The first rule of the specification that the content breaks.

@@ -3,7 +3,7 @@
 use crate::base::error::{Error, Place, Result};
 use crate::model::grid::Nodes;
 
-/// A coarse grid on its own nodes, found by an affine map from world positions.
+/// A coarse grid with its own nodes, and the affine map from world positions to its indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeSpace {
     /// Nodes of the mask.
@@ -33,8 +33,8 @@ pub enum Lookup {
 }
 
 impl FreeSpace {
-    /// Refuses a mask of another number of values than it has nodes, or of fewer than 2 nodes along
-    /// an axis.
+    /// Refuses a mask whose number of values differs from its number of nodes, or with fewer than 2
+    /// nodes along an axis.
     ///
     /// # Errors
     /// `Malformed`.

@@ -33,7 +33,7 @@ pub enum Blend {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ColorSpace {
-    /// Display-referred sRGB, as the training pictures.
+    /// Display-referred sRGB, as in the training pictures.
     SrgbDisplay,
 }
 
@@ -62,15 +62,15 @@ pub enum DensityFunction {
     Relu,
 }
 
-/// The sample of the neighbouring ray that a sample's footprint is measured to.
+/// The point of the neighbouring ray to which a footprint is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FootprintNeighbour {
-    /// The one at the same distance: the pixel's size there.
+    /// The point at the same distance: the pixel's size there.
     SameDistance,
-    /// The one of the same index, as in the paper and the research code. If the box is entered
-    /// through an oblique face, the entries differ, and samples behind it are blurred.
+    /// The sample of the same index, as in the paper and the research code. If the rays enter the
+    /// box at different distances, samples are blurred.
     SameIndex,
 }
 
@@ -85,14 +85,14 @@ pub enum ViewInput {
     Features,
 }
 
-/// The place of the clamp, and so of everything that is not linear.
+/// Where colours are clamped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Evaluation {
-    /// Once for the weighted sum along a ray.
+    /// Once per ray, after the weighted sum.
     Ray,
-    /// Once for each sample.
+    /// At each sample.
     Sample,
 }
 
@@ -105,7 +105,7 @@ pub enum Clamp {
     Zero,
     /// No limits.
     None,
-    /// The sum is a logit: colours are `sigmoid(sum)`. For samples only.
+    /// The sum is a logit: colours are `sigmoid(sum)`. At samples only.
     Sigmoid,
 }
 
@@ -129,13 +129,13 @@ pub enum NumberType {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Activation {
-    /// Added to raw density before softplus; 0 beside `relu`.
+    /// Added to raw density before softplus; 0 with `relu`.
     pub shift: f32,
-    /// Step length over base voxel size.
+    /// Step length divided by the base voxel size.
     pub interval: f32,
     /// The values that are interpolated between nodes.
     pub order: ActivationOrder,
-    /// Raw density to density; left out where it is softplus.
+    /// Raw density to density; absent for softplus.
     #[serde(default, skip_serializing_if = "is_default")]
     pub function: DensityFunction,
 }
@@ -147,24 +147,24 @@ pub struct Activation {
 pub struct March {
     /// Step length in voxels.
     pub stepsize: f32,
-    /// Edge of a cubic voxel of the same volume as the trained one, in world units. `stepsize` of
-    /// these are the interval that opacities are stated over.
+    /// Edge, in world units, of a cube with the volume of a trained voxel. `stepsize * voxel_size`
+    /// is the interval over which opacities are stated.
     pub voxel_size: f32,
-    /// Edges of the voxels that steps are counted in, in world units; none are cubes of
-    /// `voxel_size`. A step is `stepsize / |d / voxel|` long along a unit direction `d`.
+    /// Edges, in world units, of the voxels that are the unit of steps; absent for cubes of
+    /// `voxel_size`. Along a unit direction `d`, a step is `stepsize / |d / voxel|` long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub voxel: Option<[f32; 3]>,
-    /// Rays start no nearer than this, in units of the unnormalised direction.
+    /// Nearest start of rays, in units of the unnormalised direction.
     pub near: f32,
-    /// Rays enter the box no farther than this; `None` is without bound.
+    /// Farthest start of rays in the box, in the same units; `None` is unlimited.
     #[serde(deserialize_with = "nullable")]
     pub far: Option<f32>,
     /// Samples of at most this weight add no colour.
     pub color_threshold: f32,
-    /// Samples of at most this opacity are dropped altogether.
+    /// Samples of at most this opacity are dropped.
     pub alpha_threshold: f32,
-    /// The part of the box in which rays are sampled; none is all of it. Samples outside of it,
-    /// where nodes may still be, are none.
+    /// The part of the box in which rays are sampled; absent for all of it. There are no samples
+    /// outside it, though there may be nodes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sampled: Option<Bounds>,
 }

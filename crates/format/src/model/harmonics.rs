@@ -25,14 +25,14 @@ pub const BAND_0: f32 = 0.282_094_8;
 /// Values of all functions in one direction.
 pub type Basis = [f32; FUNCTIONS];
 
-/// The rules to make colours of coefficients.
+/// The rules that turn coefficients into colours.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Harmonics {
     /// The highest band, 0 to 3.
     pub degree: usize,
-    /// The place of the clamp.
+    /// Where colours are clamped.
     #[serde(rename = "where")]
     pub evaluation: Evaluation,
     /// Added to the sum of each sample.
@@ -45,18 +45,17 @@ impl Harmonics {
     /// The highest degree.
     pub const MAX_DEGREE: usize = 3;
 
-    /// Coefficients of a colour channel.
+    /// Number of coefficients of a colour channel.
     pub const fn functions(&self) -> usize {
         (self.degree + 1) * (self.degree + 1)
     }
 
-    /// Coefficients of all three channels beyond band 0.
+    /// Number of coefficients of all three channels beyond band 0.
     pub const fn features(&self) -> usize {
         3 * (self.functions() - 1)
     }
 
-    /// Refuses rules that no field can have. `features` is the number of its coefficients beyond
-    /// band 0.
+    /// Refuses invalid rules. `features` is the number of a field's coefficients beyond band 0.
     ///
     /// # Errors
     /// `Malformed`, at `place`.

@@ -214,7 +214,7 @@ impl March {
             return Ok(());
         }
         let found = format!("{}: rays of {samples:.3e} samples", self.stepsize);
-        let expected = format!("steps of which a ray takes at most {most}");
+        let expected = format!("steps such that a ray takes at most {most}");
         Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
     }
 }

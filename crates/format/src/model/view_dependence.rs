@@ -7,7 +7,7 @@ use crate::base::error::{Place, Result};
 /// Colour that depends on the direction of a ray.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ViewDependence {
-    /// A network that runs once a ray on the accumulated features. Its colour is added.
+    /// A network that runs once per ray on the accumulated features. Its colour is added.
     Network(ViewMlp),
     /// Harmonics, whose coefficients are the colour channels.
     Harmonics(Harmonics),
@@ -33,7 +33,7 @@ impl ViewDependence {
     /// Refuses view dependence that does not fit a field of `features` colour channels beyond three.
     ///
     /// # Errors
-    /// `Malformed`, or `Unsupported` for networks that run for each sample.
+    /// `Malformed`, or `Unsupported` for networks that run at every sample.
     pub fn check(&self, features: usize, place: &Place) -> Result<()> {
         match self {
             Self::Network(network) => network.check(features, place),

@@ -31,7 +31,8 @@ pub struct Layer {
 /// The network: relu between layers, sigmoid after the last.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewMlp {
-    /// First to last; each layer's input is as wide as the output before it, the last gives RGB.
+    /// First to last. Each layer has as many inputs as the previous one has outputs; the last gives
+    /// RGB.
     pub layers: Vec<Layer>,
     /// Octaves of the direction embedding.
     pub frequencies: usize,
@@ -40,11 +41,12 @@ pub struct ViewMlp {
 }
 
 impl ViewMlp {
-    /// Fits layers to a field of `features` specular features, or says why they do not fit.
+    /// Makes a network for a field with `features` specular features, if the layers fit it.
     ///
     /// # Errors
-    /// `Unsupported` where the first layer is not as wide as an embedding with the accumulated
-    /// values, `Malformed` where layers do not join or the last does not give three colours.
+    /// `Unsupported` if the width of the first layer does not match an embedding with the
+    /// accumulated values, `Malformed` if layers do not match each other or the last does not have
+    /// three outputs.
     pub fn new(
         layers: Vec<Layer>,
         frequencies: usize,
@@ -55,7 +57,7 @@ impl ViewMlp {
         Ok(Self { layers, frequencies, input })
     }
 
-    /// Refuses a network that does not fit a field of `features` specular features.
+    /// Refuses a network that does not fit a field with `features` specular features.
     ///
     /// # Errors
     /// As [`Self::new`].

@@ -19,16 +19,16 @@ pub struct Sample {
     pub opacity: f32,
     /// Optical depth per world unit, from 0.
     pub density: f32,
-    /// Diffuse colour in the colour space of training: 0 to 1 for logits. Of harmonics, that of
-    /// band 0 alone; of a model with rules of its own, that seen from above, along -z.
+    /// Diffuse colour in the colour space of training: 0 to 1 for logits. For harmonics, the colour
+    /// of band 0; for a model with rules of its own, the colour seen from above, along -z.
     pub color: [f32; 3],
-    /// Specular features, 0 to 1, as the view network takes them; empty without one.
+    /// Specular features, 0 to 1, as input of the view network; empty without one.
     pub features: Vec<f32>,
     /// Directional brightness: its dot product with a unit direction is added to the logits of
     /// `color`. Zero where the level has none.
     pub directional: [f32; 3],
-    /// All coefficients of harmonics, function by function, each red, green and blue; empty without
-    /// them.
+    /// All coefficients of harmonics, ordered by function, then red, green, blue; empty without
+    /// harmonics.
     pub coefficients: Vec<f32>,
 }
 

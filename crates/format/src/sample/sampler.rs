@@ -62,7 +62,7 @@ impl Sampler {
         &self.view
     }
 
-    /// Levels of the container; 0 is the finest.
+    /// Number of levels of the container; level 0 is the finest.
     pub fn levels(&self) -> usize {
         self.levels
     }
@@ -87,8 +87,8 @@ pub fn check_level(level: usize, levels: usize) -> Result<()> {
 }
 
 impl View {
-    /// A position, moved to the faces that it is on but for rounding, and its place in shares of
-    /// the box.
+    /// A position, snapped to faces of the box that it lies on except for rounding, and its place
+    /// as fractions of the box.
     ///
     /// # Errors
     ///

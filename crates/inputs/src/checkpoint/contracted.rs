@@ -43,8 +43,8 @@ impl Inner {
         if !options.drop_background {
             let found = "an unbounded scene in contracted space, whose rays are not straight in \
                          the grid beyond its inner box";
-            let expected = "a dense grid in a box, or option --drop-background, which keeps the \
-                            inner box alone";
+            let expected = "a dense grid in a box, or option --drop-background, which keeps only \
+                            the inner box";
             return Err(Error::unsupported(Place::Key((*name).to_owned()), found, expected));
         }
         let vector = |name: &str| {
@@ -136,8 +136,8 @@ impl Inner {
             key: "scene_radius",
             value: format!("{}", self.radius),
             message: format!(
-                "option drop-background: the scene is contracted outside of the {part} of radius \
-                 {} about ({x}, {y}, {z}); all that is outside of it is left out",
+                "option drop-background: the scene is contracted outside the {part} of radius {} \
+                 around ({x}, {y}, {z}); everything outside it is left out",
                 self.radius
             ),
         }

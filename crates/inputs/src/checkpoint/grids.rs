@@ -31,11 +31,11 @@ pub(super) fn refuse_others(names: &NamedValues<'_>) -> Result<()> {
     }
     let key = |name: &str| Place::Key(format!("{}.{name}", super::names::SETTINGS));
     if names.flag("nearest")? {
-        let found = "a grid that is looked up at the nearest node";
+        let found = "a grid with nearest-neighbour lookup";
         return Err(Error::unsupported(key("nearest"), found, "trilinear interpolation"));
     }
     if names.flag("rgbnet_full_implicit")? {
-        let found = "colour that a network makes for every sample";
+        let found = "colour from a network that runs at every sample";
         let expected = "colour stored at the nodes";
         return Err(Error::unsupported(key("rgbnet_full_implicit"), found, expected));
     }

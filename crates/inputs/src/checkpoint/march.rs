@@ -84,7 +84,7 @@ pub(super) fn find(
     march.check(nodes).map_err(|error| match options.stepsize {
         Some(given) if *error.place() == Place::Key("march.stepsize".to_owned()) => {
             let most = March::MAX_SAMPLES;
-            let expected = format!("steps of which a ray takes at most {most}");
+            let expected = format!("steps such that a ray takes at most {most}");
             Error::invalid_option("stepsize", given.to_string(), expected)
         }
         _ => error,

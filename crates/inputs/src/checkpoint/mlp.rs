@@ -40,12 +40,12 @@ pub(super) fn find(
     // sample's own features.
     if family == Family::Dvgo && features != DEFERRED_FEATURES {
         let found = format!(
-            "a colour grid of {} channels with a network {} wide that runs for each sample",
+            "a colour grid of {} channels with a network of width {} that runs at every sample",
             features + 3,
             mlp.widths().first().copied().unwrap_or(0)
         );
-        let expected = "a network that runs once a ray on 4 accumulated features (option mlp: none \
-                        leaves the network out)";
+        let expected = "a network that runs once per ray on 4 accumulated features (option mlp: \
+                        none leaves the network out)";
         return Err(Error::unsupported(place, found, expected));
     }
     if mlp.input == ViewInput::Features && family == Family::Dvgo && !names.flag("rgbnet_direct")? {
@@ -53,7 +53,7 @@ pub(super) fn find(
             key: "mlp",
             value: "deferred".into(),
             message: "the network takes the embedding and 4 features: assuming that it runs once \
-                      a ray; option mlp: none leaves it out"
+                      per ray; option mlp: none leaves it out"
                 .into(),
         });
     }

@@ -157,10 +157,9 @@ fn assemble<'a>(
         assumptions.push(Assumption {
             key: "stage",
             value: "coarse".to_owned(),
-            message:
-                "this looks like the coarse stage of a training: its colours do not depend on \
-                      the view; the fine stage's checkpoint is usually meant"
-                    .to_owned(),
+            message: "this looks like the coarse stage of a training, because its colours do not \
+                      depend on the view; usually the fine stage's checkpoint is wanted"
+                .to_owned(),
         });
     }
     let mut mask =
@@ -181,7 +180,7 @@ fn assemble<'a>(
             key: "coarse",
             value: "unused".to_owned(),
             message: format!(
-                "option coarse, {}, is not used: this scene's mask requires none",
+                "option coarse, {}, is not used: this scene's mask does not need it",
                 path.display()
             ),
         });

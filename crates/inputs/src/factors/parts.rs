@@ -81,7 +81,7 @@ pub fn components(terms: &Terms, nodes: [usize; 3]) -> Result<usize> {
             let found = part.components(nodes)?;
             if *width.get_or_insert(found) != found {
                 let found = format!("{found} components");
-                let expected = "as many in each factor of a product";
+                let expected = "the same number in each factor of a product";
                 return Err(Error::malformed(part.tensor.place(), found, expected));
             }
         }

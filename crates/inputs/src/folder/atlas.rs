@@ -100,7 +100,7 @@ impl Places {
             let fits = |(at, size): (usize, usize)| (at + 1) * edge <= size;
             if ![x, y, z].into_iter().zip(size).all(fits) {
                 let found = format!("block {:?} in an atlas of {size:?} texels", [x, y, z]);
-                let expected = format!("blocks of {edge} texels inside of it");
+                let expected = format!("blocks of {edge} texels inside it");
                 return Err(Error::malformed(place, found, expected));
             }
             let next = u32::try_from(places.len()).unwrap_or(NOTHING);

@@ -13,7 +13,7 @@ use crate::source::Assumption;
 pub fn refuse_other_views(system: &str, options: &SourceOptions) -> Result<()> {
     if let (ViewChoice::Harmonics(_), _) | (_, MlpChoice::File(_)) = (options.view, &options.mlp) {
         return Err(Error::usage(format!(
-            "a {system} folder has its own network, once a ray: --view takes keep or none, --mlp \
+            "a {system} folder has its own network, which runs once per ray: --view takes keep or none, --mlp \
              auto or none"
         )));
     }
@@ -32,9 +32,9 @@ pub fn assumption(system: &str) -> Assumption {
         value: "before the network".to_owned(),
         message: format!(
             "{system}'s viewer adds the background before the network runs; a container adds it \
-             after: half-transparent pixels of a bake differ, empty ones too where the viewer's \
-             network brightens them, and a background that is not white may be brightened; compare \
-             measures it"
+             after it: half-transparent pixels differ, and so do empty ones if the viewer's network \
+             brightens them; a background other than white may become brighter; compare measures \
+             the difference"
         ),
     }
 }

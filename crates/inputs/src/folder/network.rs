@@ -83,7 +83,11 @@ fn layer(
     #[expect(clippy::cast_possible_truncation, reason = "checked below")]
     let bias: Vec<f32> = numbers.into_iter().map(|value| value as f32).collect();
     if values.iter().chain(&bias).any(|value| !value.is_finite()) {
-        return Err(Error::malformed(place, "a weight that is no finite float32", "finite ones"));
+        return Err(Error::malformed(
+            place,
+            "a weight that is not a finite float32",
+            "finite weights",
+        ));
     }
     let [inputs, outputs] = [inputs, outputs].map(|width| usize::try_from(width).unwrap_or(0));
     // A folder has the weights input by input, and waves of a direction by octave.

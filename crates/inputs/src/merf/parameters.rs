@@ -157,7 +157,7 @@ impl Parameters {
                     Ok([low, high])
                 }
                 other => {
-                    let expected = "a lower and a higher number";
+                    let expected = "a lower, then a higher number";
                     Err(Error::malformed(place(key), format!("{other:?}"), expected))
                 }
             }

@@ -124,7 +124,11 @@ impl<'a> Keys<'a> {
         let geometry = outputs.saturating_sub(1);
         if outputs < 2 {
             let found = format!("{outputs} outputs of the density network");
-            return Err(Error::malformed(place, found, "the density and what colours need"));
+            return Err(Error::malformed(
+                place,
+                found,
+                "one of density, and the features for colours",
+            ));
         }
         let place = Place::Tensor(path("field.mlp_head"));
         let inputs = FUNCTIONS + geometry + width;
@@ -179,7 +183,7 @@ impl<'a> Keys<'a> {
                 let value = value.and_then(|value| u64::try_from(value).ok()).or(stated);
                 *found = value.ok_or_else(|| {
                     let place = Place::Tensor(path(&name));
-                    Error::malformed(place, "no such number", "a whole number above 0")
+                    Error::malformed(place, "no such number", "an integer above 0")
                 })?;
             }
             found

@@ -44,7 +44,8 @@ pub fn knows(file: &TensorFile) -> bool {
 /// other, `InvalidOption` for an appearance that the model does not have.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     if let MlpChoice::File(_) = options.mlp {
-        let message = "--mlp takes a network once a ray, and this model's runs for each sample";
+        let message =
+            "--mlp needs a network that runs once per ray, but this model's runs at every sample";
         return Err(Error::usage(message));
     }
     let keys = Keys(file);
@@ -112,9 +113,9 @@ fn background_assumption(background: [f32; 3]) -> Assumption {
     let [red, green, blue] = background;
     let value = format!("{red:.3},{green:.3},{blue:.3}");
     let message = format!(
-        "rays of this model go on with the colour of their last sample, and a bake has one colour \
-         behind all boxes: assuming {value}, their mean; option background sets another, for \
-         pictures of the unbaked model, too"
+        "beyond its last sample, a ray of this model keeps that sample's colour; a bake has a single \
+         background: assuming the mean, {value}; option background sets another one, also for \
+         pictures of the unbaked model"
     );
     Assumption { key: "background", value, message }
 }

@@ -111,12 +111,12 @@ impl Scan {
             key: NAME,
             message: match is_there {
                 true => {
-                    format!("{NAME} does not state all settings of the training: assuming {value}")
+                    format!("{NAME} lacks some settings of the training: assuming {value}")
                 }
                 false => format!(
-                    "settings of the training stand in {NAME}, two folders above the checkpoint, \
-                     and there is none: assuming nerfstudio's defaults, {value}; put it there, or \
-                     name the folder of the run"
+                    "there is no {NAME} two folders above the checkpoint, where nerfstudio keeps the \
+                     training's settings: assuming its defaults, {value}; put it there, or pass the \
+                     folder of the run"
                 ),
             },
             value,

@@ -92,9 +92,9 @@ pub fn boxes(
         let next = last.doubled();
         if found.len() == MOST_BOXES || next.check_around(&last, place).is_err() {
             let found = format!("a scene that reaches {extent} half sides of its inner box");
-            let expected = "boxes whose corners are float32 numbers";
+            let expected = "boxes with corners that float32 can hold";
             return Err(
-                Error::malformed(place.clone(), found, expected).advise("state a smaller --extent")
+                Error::malformed(place.clone(), found, expected).advise("pass a smaller --extent")
             );
         }
         found.push(next);

@@ -11,9 +11,9 @@ pub fn fit_assumption(degree: usize, is_plain: bool, cameras: &[[f64; 3]]) -> As
         key: "view",
         value: if is_plain { format!("none{seen}") } else { format!("sh:{degree}{seen}") },
         message: format!(
-            "colours come from a network for each sample: a bake fits harmonics of degree {degree} \
-             to it at each node, along the directions it is seen from; pictures of the unbaked \
-             file use the network; option view sets the degree"
+            "colours come from a network that runs at every sample: a bake replaces it with harmonics \
+             of degree {degree}, fitted at each node along the directions that see it; pictures of \
+             the unbaked file use the network; option view sets the degree"
         ),
     }
 }

@@ -102,7 +102,8 @@ fn source(
     limits: &Limits,
 ) -> Result<Source> {
     if let MlpChoice::File(_) = options.mlp {
-        let message = "--mlp takes a network once a ray, and this model's runs for each sample";
+        let message =
+            "--mlp needs a network that runs once per ray, but this model's runs at every sample";
         return Err(Error::usage(message));
     }
     let is_unbounded = model.span > 1.0;
@@ -204,13 +205,13 @@ fn crop_assumption(crop: Crop) -> Option<Assumption> {
         Crop::None => return None,
         Crop::Box(_) => (
             "kept",
-            "the snapshot shows a part of its cube (render_aabb), and so does what is made of it; \
-             save it without a crop to have all of it",
+            "the snapshot is cropped to a part of its cube (render_aabb), and so is the result; save it \
+             without a crop to get all of it",
         ),
         Crop::LeftOut => (
             "none",
-            "the snapshot shows a part of its cube that is turned (render_aabb_to_local), which is \
-             left out: all of the cube is shown; crop the container instead",
+            "the snapshot has a rotated crop (render_aabb_to_local), which is ignored: the whole cube is \
+             shown; crop the container instead",
         ),
     };
     Some(Assumption { key: "render_aabb", value: value.to_owned(), message: message.to_owned() })
@@ -226,9 +227,9 @@ fn assumptions(
         key: "experimental",
         value: family.name().to_owned(),
         message: format!(
-            "{} is read from a description of its format, and no file of the real program was \
-             tried yet: look at pictures before you rely on a bake; the model has no nodes, and a \
-             bake samples it at {side} along each axis (option resolution)",
+            "support for {} is experimental and was not tried with files of the real program: check \
+             pictures before you rely on a bake; the model has no grid, so a bake samples it at \
+             {side} nodes along each axis (option resolution)",
             family.name()
         ),
     };

@@ -49,7 +49,7 @@ pub(super) fn model<'a>(file: &'a TensorFile, name: &str) -> Option<&'a Tensor> 
 fn required<'a>(file: &'a TensorFile, name: &str) -> Result<&'a Tensor> {
     model(file, name).ok_or_else(|| {
         let place = Place::Tensor(format!("model.{name}"));
-        Error::malformed(place, "no such tensor", "one, as a training with --cuda_ray writes it")
+        Error::malformed(place, "no such tensor", "a tensor that training with --cuda_ray writes")
     })
 }
 
@@ -162,7 +162,7 @@ fn occupancy(tensor: &Tensor, cubes: usize, span: f64, limits: &Limits) -> Resul
     let all = cubes * bytes;
     if tensor.element() != Element::U8 || tensor.count() < all as u64 {
         let found = format!("{} {} numbers", tensor.count(), tensor.element().name());
-        let expected = format!("{all} bytes at least");
+        let expected = format!("at least {all} bytes");
         return Err(Error::malformed(tensor.place(), found, expected));
     }
     let mut budget = Budget::new(limits);

@@ -74,8 +74,7 @@ impl Values {
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok(values),
             Some(at) => {
-                let found =
-                    format!("parameter {} that is no finite number", self.first + at as u64);
+                let found = format!("parameter {}, which is not finite", self.first + at as u64);
                 Err(Error::malformed(place, found, "finite numbers"))
             }
         }

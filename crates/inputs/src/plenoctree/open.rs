@@ -32,8 +32,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let mut assumptions = Vec::new();
     if let Basis::Colors { logits } = arrays.basis {
         let (value, other) = match logits {
-            true => ("logits", "volrend shows the numbers as they are, svox the logistic function"),
-            false => ("colours", "svox would show the logistic function of the numbers"),
+            true => (
+                "logits",
+                "volrend shows the numbers unchanged, svox applies the logistic function",
+            ),
+            false => ("colours", "svox would apply the logistic function"),
         };
         assumptions.push(Assumption {
             key: "data_format",

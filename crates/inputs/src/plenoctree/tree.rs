@@ -152,7 +152,7 @@ fn levels(children: &[u32], nodes: usize) -> std::result::Result<usize, String> 
                 }
                 match met.get_mut(child as usize) {
                     Some(met) if !*met => *met = true,
-                    _ => return Err(format!("node {child} as a child twice")),
+                    _ => return Err(format!("node {child} twice as a child")),
                 }
                 next.push(child);
             }

@@ -110,7 +110,7 @@ impl RunArguments {
         match self.renderer_backend.as_str() {
             "cuvol" => {}
             "nvol" => {
-                let found = "the renderer nvol, which adds opacities another way";
+                let found = "the renderer nvol, which accumulates opacity differently";
                 return refuse("renderer_backend", found.to_owned(), "cuvol");
             }
             "svox1" => {

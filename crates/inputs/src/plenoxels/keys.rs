@@ -89,9 +89,9 @@ fn refuse_background(file: &TensorFile, drop_background: bool) -> Result<()> {
     if drop_background || !has_background(file) {
         return Ok(());
     }
-    let found = "spheres behind the box, which no container can hold";
+    let found = "background spheres, which containers cannot hold";
     let place = Place::Tensor("background_data".to_owned());
-    let expected = "none, or option --drop-background, which bakes the box alone";
+    let expected = "none, or option --drop-background, which bakes only the box";
     Err(Error::unsupported(place, found, expected))
 }
 

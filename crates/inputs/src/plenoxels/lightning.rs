@@ -121,7 +121,7 @@ impl Cells {
         let [least, most] = SIDES;
         let end = most.pow(3) as f64;
         if let Some(wrong) = numbers.iter().find(|number| !(0.0..end).contains(*number)) {
-            let expected = format!("cells of a grid of at most {most} cells a side");
+            let expected = format!("cells of a grid of at most {most} cells per side");
             return Err(Error::malformed(place, format!("cell {wrong}"), expected));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
@@ -131,7 +131,8 @@ impl Cells {
         let last = rows.last().map_or(0, |(cell, _)| *cell as usize);
         if let Some(side) = side {
             let least = (2..=most).find(|side| side.pow(3) > last).unwrap_or(most);
-            let expected = format!("{least} to {most} cells, for the last cell is number {last}");
+            let expected =
+                format!("{least} to {most} cells, because the last cell is number {last}");
             let holds = (least..=most).contains(&side);
             Error::require_option(holds, "resolution", side, &expected)?;
             return Ok(Self { side, rows });

@@ -43,11 +43,10 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             assumptions.push(Assumption {
                 key: "args",
                 value: "defaults".to_owned(),
-                message:
-                    "no args.json of the training lies beside the file: assuming steps of 0.5 \
+                message: "the training's args.json is not beside the file: assuming steps of 0.5 \
                           voxels, a white background and the scene's own scale; options stepsize, \
                           background and scene-scale set them"
-                        .to_owned(),
+                    .to_owned(),
             });
         }
         None => {}

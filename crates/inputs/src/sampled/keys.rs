@@ -39,7 +39,7 @@ pub(super) fn numbers(file: &TensorFile, key: &str) -> Result<Option<Vec<f64>>> 
         Error::malformed(
             Place::Key(key.to_owned()),
             format!("{text:?}"),
-            "numbers with commas between, such as 1,1,1",
+            "numbers separated by commas, such as 1,1,1",
         )
     })
 }
@@ -70,7 +70,7 @@ impl Arrays {
                 let expected = "colours of the same kind in all boxes";
                 return Err(Error::malformed(
                     place,
-                    "other colours than the first box's",
+                    "colours of another kind than the first box's",
                     expected,
                 ));
             }
@@ -114,7 +114,7 @@ impl Arrays {
                 usize::try_from(functions).unwrap_or(0)
             }
             _ => {
-                let found = format!("shape {:?} beside density of {own:?}", color.shape());
+                let found = format!("shape {:?} for density of shape {own:?}", color.shape());
                 let last = if plain { "3" } else { "3, B with B of 1, 4, 9 or 16" };
                 let expected = format!("the shape of density, then {last}");
                 return Err(Error::malformed(color.place(), found, expected));
@@ -136,7 +136,7 @@ impl Arrays {
             }
             _ => {
                 let found = format!("shape {own:?}");
-                let expected = "[X, Y, Z], or [n, b, b, b] beside blocks";
+                let expected = "[X, Y, Z], or [n, b, b, b] with blocks";
                 return Err(Error::malformed(place, found, expected));
             }
         };
@@ -165,7 +165,7 @@ fn block_size(file: &TensorFile) -> Result<Option<u64>> {
         return Ok(Some(size));
     }
     let place = Place::Key("block_size".to_owned());
-    let expected = format!("a whole number from 1 to {MAX_BLOCK}");
+    let expected = format!("an integer from 1 to {MAX_BLOCK}");
     Err(Error::malformed(place, found.to_string(), expected))
 }
 
@@ -208,7 +208,11 @@ fn dimensions(
         return Err(Error::malformed(place, format!("{sizes:?}"), "three sizes"));
     };
     if sizes.iter().any(|size| !(*size >= 1.0 && size.fract() == 0.0)) {
-        return Err(Error::malformed(place, format!("{sizes:?}"), "three whole numbers of nodes"));
+        return Err(Error::malformed(
+            place,
+            format!("{sizes:?}"),
+            "three integer numbers of nodes",
+        ));
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
     let sizes = [x, y, z].map(|size| size as u64);

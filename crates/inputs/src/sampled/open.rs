@@ -150,7 +150,7 @@ fn scene(
     };
     let stated = SourceOptions { stepsize: own_step, background, ..SourceOptions::default() };
     stated.check().map_err(|error| {
-        let expected = "settings that a scene can have";
+        let expected = "valid settings of a scene";
         Error::malformed(Place::File, error.kind().to_string(), expected)
     })?;
     let stepsize = options.stepsize.or(own_step).unwrap_or(STEPSIZE);

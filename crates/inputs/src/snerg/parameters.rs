@@ -46,7 +46,7 @@ impl Parameters {
         let [_, _, depth] = atlas;
         if slices.checked_mul(PLANES) != Some(depth) {
             let found = format!("{slices} slices for an atlas {depth} deep");
-            let expected = format!("{PLANES} planes a slice");
+            let expected = format!("{PLANES} planes per slice");
             return Err(Error::malformed(place("num_slices"), found, expected));
         }
         let axes = Axes::stated(file, &mut Budget::new(limits))?;

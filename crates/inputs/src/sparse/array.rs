@@ -209,7 +209,7 @@ impl RowArray {
         let count = values.iter().filter(|value| !value.is_finite()).count();
         let (row, column) = (at / self.width, at % self.width);
         let found =
-            format!("{count} values that are not finite, the first in row {row}, column {column}");
+            format!("{count} values that are not finite, first in row {row}, column {column}");
         Err(Error::malformed(self.place.clone(), found, "finite numbers").advise(NOT_FINITE))
     }
 

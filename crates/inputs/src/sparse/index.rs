@@ -98,7 +98,7 @@ impl Index {
         limits::check(LimitName::Blocks, "blocks", total, limits.blocks, place)?;
         let wanted = (edge as u64).checked_pow(3).and_then(|n| n.checked_mul(places.len() as u64));
         if wanted != Some(rows) {
-            let found = format!("{rows} rows for {} blocks of {edge} nodes a side", places.len());
+            let found = format!("{rows} rows for {} blocks of {edge} nodes per side", places.len());
             return Err(Error::malformed(place.clone(), found, "one for each node"));
         }
         let slots = crate::base::limits::product(&counts.map(|n| n as u64), "blocks", place)?;
@@ -114,7 +114,7 @@ impl Index {
             let number = u32::try_from(number).ok();
             let (Some(slot), Some(number)) = (slot, number) else {
                 let found = format!("block {block:?} in a grid of {counts:?} blocks");
-                let expected = "blocks inside of the grid, each once";
+                let expected = "distinct blocks inside the grid";
                 return Err(Error::malformed(place.clone(), found, expected));
             };
             *slot = number;

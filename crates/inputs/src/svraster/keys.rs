@@ -169,7 +169,7 @@ impl Arrays {
     fn find(file: &TensorFile, limits: &Limits) -> Result<Self> {
         let root = &file.root;
         let column = |name: &str, element: Element| {
-            let expected = format!("{} numbers, one a voxel", element.name());
+            let expected = format!("{} numbers, one per voxel", element.name());
             let place = Place::Tensor(name.to_owned());
             let value = root.get(name);
             match value.and_then(Value::tensor) {
@@ -213,7 +213,7 @@ impl Arrays {
         let place = Place::Tensor(CORNERS.to_owned());
         let found = self.corners.rows().rows();
         if found != corners as u64 {
-            let expected = format!("{corners}, as many as the voxels have distinct corners");
+            let expected = format!("{corners}, one per distinct corner of the voxels");
             return Err(Error::malformed(place, format!("{found} raw densities"), expected));
         }
         let mut table = budget.zeroed(corners, "bytes of corners", &place)?;

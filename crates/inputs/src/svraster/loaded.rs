@@ -172,10 +172,14 @@ fn table(
         for (value, number) in values.iter().zip(numbers) {
             let Some(own) = table.get_mut(*number as usize) else { continue };
             if !own.is_nan() && own.to_bits() != value.to_bits() {
-                let found =
-                    format!("{value} at a corner of voxel {voxel}, and {own} of another one");
-                let error =
-                    Error::malformed(place, found, "one density at a corner of several voxels");
+                let found = format!(
+                    "{value} at a corner of voxel {voxel}, and {own} at the same corner of another voxel"
+                );
+                let error = Error::malformed(
+                    place,
+                    found,
+                    "the same density at a corner that voxels share",
+                );
                 return Err(error.advise(DAMAGED));
             }
             *own = *value;

@@ -103,10 +103,13 @@ impl Octree {
             let size = 1u64 << (3 * (LEVELS - u32::from(level)));
             if first >= 1 << (3 * LEVELS) || first & (size - 1) != 0 {
                 let found = format!("path {first:#x} at level {level}");
-                return malformed(found, "three bits for each level, and none below the last");
+                return malformed(found, "three bits per level, and zeros below the last one");
             }
             if first < end {
-                return malformed("it overlaps another voxel".to_owned(), "voxels side by side");
+                return malformed(
+                    "it overlaps another voxel".to_owned(),
+                    "voxels that do not overlap",
+                );
             }
             end = first + size;
         }

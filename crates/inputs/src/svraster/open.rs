@@ -249,7 +249,7 @@ fn no_config(options: &SourceOptions) -> Assumption {
         key: "config.yaml",
         value: "defaults".to_owned(),
         message: format!(
-            "no config.yaml of the training lies beside the file: assuming one sample in each \
+            "the training's config.yaml is not beside the file: assuming one sample in each \
              voxel{background}"
         ),
     }

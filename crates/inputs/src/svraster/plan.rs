@@ -71,7 +71,7 @@ pub(super) fn doublings(settings: &Settings, stated: Option<u32>, cubes: &[Cube]
     let whole = exact.round();
     if (exact - whole).abs() > 0.01 || !(0.0..f64::from(LEVELS)).contains(&whole) {
         let found = format!("{inside} within a scene_extent of {}", settings.extent);
-        let expected = "the scene's, halved a whole number of times";
+        let expected = "scene_extent divided by a power of two";
         return Err(Error::malformed(Place::Key("inside_extent".to_owned()), found, expected));
     }
     #[expect(clippy::cast_possible_truncation, reason = "a whole number below 16")]

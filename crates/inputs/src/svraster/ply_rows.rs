@@ -134,8 +134,9 @@ impl PlyRows {
                 // Middles are float32: those of the smallest voxels are off by a share of an edge.
                 if !((low - found).abs() < 0.25 * edge && found >= 0.0 && found < f64::from(SIDE)) {
                     let found =
-                        format!("voxel {number} of level {level} with a middle at {middle}");
-                    let expected = "the middle of a cube of the octree, as a share of its extent";
+                        format!("voxel {number} of level {level} with its centre at {middle}");
+                    let expected =
+                        "the centre of a cube of the octree, as a fraction of its extent";
                     return Err(Error::malformed(place.clone(), found, expected));
                 }
                 #[expect(clippy::cast_possible_truncation, reason = "checked above")]

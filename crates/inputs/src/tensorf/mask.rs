@@ -34,14 +34,14 @@ impl MaskFile {
     pub(super) fn find(root: &Value, limits: &Limits) -> Result<Option<Self>> {
         let Some(bits) = root.get("alphaMask.mask") else { return Ok(None) };
         let bits = bits.tensor().ok_or_else(|| {
-            malformed("alphaMask.mask", bits.describe(), "an array of bytes, one bit for a node")
+            malformed("alphaMask.mask", bits.describe(), "an array of bytes, one bit per node")
         })?;
         let shape = root.get("alphaMask.shape").map(|shape| shape.numbers("alphaMask.shape"));
         let shape = shape.transpose()?.unwrap_or_default();
         let &[_, _, z, y, x] = shape.as_slice() else {
             return Err(malformed("alphaMask.shape", format!("{shape:?}"), "[1, 1, z, y, x]"));
         };
-        let expected = "whole numbers of nodes, at least 2 along each axis";
+        let expected = "integer numbers of nodes, at least 2 along each axis";
         let whole = |count: f64| (2.0..=1e6).contains(&count) && count.fract() == 0.0;
         if ![x, y, z].into_iter().all(whole) {
             return Err(malformed("alphaMask.shape", format!("{shape:?}"), expected));

@@ -57,7 +57,7 @@ pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Arrays> {
         Err(Error::unsupported(place, found, expected))
     };
     if entry(file, "density_encoding.line_coef").is_none() {
-        let found = "planes without lines (triplane), whose sums are no products of factors";
+        let found = "planes without lines (triplane), which are not products of factors";
         return refuse("density_encoding.plane_coef", found, "the encoding vm or cp");
     }
     let tcnn = "mlp_head.tcnn_encoding.params";

@@ -167,7 +167,7 @@ fn read_instance(
 ) -> Result<VdbGrid> {
     let (parent_entry, _) = entry_of(file, parent)?;
     if parent_entry.get("parent").is_some() {
-        let found = format!("the tree of {parent:?}, which is another grid's too");
+        let found = format!("the tree of {parent:?}, which belongs to another grid");
         return Err(Error::malformed(place.clone(), found, "a grid with a tree of its own"));
     }
     let shared = read_grid(file, parent, limits, budget)?;

@@ -126,7 +126,7 @@ fn grid_of<'a>(grids: &[(&'a str, &'a str)], name: &str) -> Result<&'a str> {
         )
     })?;
     if !is_scalar(kind) {
-        let expected = "a grid of one number a voxel";
+        let expected = "a grid with one number per voxel";
         return Err(Error::invalid_option("grid", format!("{name}, of type {kind}"), expected));
     }
     Ok(own)
@@ -156,7 +156,7 @@ fn density_name<'a>(
         key: "density",
         value: name.to_owned(),
         message: format!(
-            "no grid is named density: the only fog volume, grid {}, is taken for it",
+            "no grid is named density: using the only fog volume, grid {}",
             shown(name)
         ),
     });
@@ -165,7 +165,7 @@ fn density_name<'a>(
 
 /// The error for a file in which no grid is that of density.
 fn without_density(grids: &[(&str, &str)]) -> Error {
-    let expected = "a fog volume in a grid named density, or one fog volume alone";
+    let expected = "a fog volume in a grid named density, or a single fog volume";
     let error = Error::unsupported(Place::Key(GRIDS.to_owned()), listed(grids), expected);
     error.advise("name the grid of density with --grid")
 }
@@ -197,9 +197,10 @@ fn check_class(density: &VdbGrid, name: &str) -> Result<()> {
         return Ok(());
     };
     let place = Place::Key(format!("{GRIDS}.{name}"));
-    let found = format!("a grid of class {class:?}, whose numbers are no densities");
+    let found = format!("a grid of class {class:?}, whose numbers are not densities");
     let error = Error::unsupported(place, found, "a fog volume");
-    Err(error.advise("make a fog volume of it (Houdini's Convert VDB, OpenVDB's sdfToFogVolume)"))
+    Err(error
+        .advise("convert it to a fog volume (Houdini's Convert VDB, OpenVDB's sdfToFogVolume)"))
 }
 
 /// The box of a grid's active voxels and a border, and its nodes. Without voxels it is the box from
@@ -234,7 +235,7 @@ fn check_places(density: &VdbGrid, color: &VdbGrid, place: &Place) -> Result<()>
         true => Ok(()),
         false => {
             let (own, other) = (own.describe(), other.describe());
-            let found = format!("voxels of density of {own}, and voxels of colour of {other}");
+            let found = format!("density voxels of {own}, and colour voxels of {other}");
             let expected = "the same voxels for both";
             Err(Error::unsupported(place.clone(), found, expected)
                 .advise("resample one of the grids to the voxels of the other, and save the file"))

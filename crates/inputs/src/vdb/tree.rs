@@ -65,7 +65,7 @@ impl Tree {
     ) -> Result<Self> {
         let (place, buffers) = (reader.place(), reader.u32()?);
         if buffers != 1 {
-            let found = format!("{buffers} buffers a leaf");
+            let found = format!("{buffers} buffers per leaf");
             return Err(Error::unsupported(place, found, "1"));
         }
         codec.background = codec.full_value(reader)?;

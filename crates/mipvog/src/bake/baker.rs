@@ -41,12 +41,12 @@ pub struct Baker<'a> {
 }
 
 impl<'a> Baker<'a> {
-    /// With these options, and without telling about progress.
+    /// A baker with these options, which reports no progress.
     pub fn new(options: BakeOptions) -> Self {
         Self { options, progress: &Silent }
     }
 
-    /// Tells `progress` of the work, and asks it whether to stop.
+    /// Reports progress to `progress`, which may also request a stop.
     #[must_use]
     pub fn progress(self, progress: &'a dyn Progress) -> Self {
         Self { progress, ..self }
@@ -56,8 +56,8 @@ impl<'a> Baker<'a> {
     ///
     /// # Errors
     ///
-    /// Options that contradict each other or the field, reading, values that are not finite where
-    /// those are refused, and a request to stop.
+    /// Options that contradict each other or the field; an input that cannot be read; values that
+    /// are not finite, if these are refused; and a request to stop.
     pub fn to_vec<'f>(&self, input: impl Into<BakeInput<'f>>) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         self.to_writer(input, &mut bytes)?;
@@ -68,7 +68,7 @@ impl<'a> Baker<'a> {
     ///
     /// # Errors
     ///
-    /// As [`Self::to_vec`], and those of the writer.
+    /// As [`Self::to_vec`], and errors of the writer.
     pub fn to_writer<'f>(
         &self,
         input: impl Into<BakeInput<'f>>,
@@ -77,12 +77,12 @@ impl<'a> Baker<'a> {
         self.run(input.into(), &mut WriterSink::new(writer))
     }
 
-    /// Bakes into a file, which appears whole or not at all. A file that is there already is
-    /// refused unless `overwrite`.
+    /// Bakes into a file, which is complete or absent. An existing file is refused unless
+    /// `overwrite` is true.
     ///
     /// # Errors
     ///
-    /// As [`Self::to_vec`], and those of the file.
+    /// As [`Self::to_vec`], and errors of writing the file.
     pub fn to_file<'f>(
         &self,
         input: impl Into<BakeInput<'f>>,

@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::edit::Placement;
 use super::plan::activation_of;
 use super::{LevelRule, MaxErrors, option_rules};
 use crate::base::error::{Error, Result};
@@ -31,6 +32,8 @@ pub struct Changes {
     pub crop: Option<Bounds>,
     /// Connected parts of level 0 with fewer visible nodes than this become empty.
     pub drop_islands: Option<u64>,
+    /// Where the container is put, after all edits: `crop` is in coordinates before it.
+    pub placement: Placement,
     /// Another compression level of zstd. Default: as the provenance says, else the bake's
     pub zstd_level: Option<i32>,
     /// Another rule of levels.
@@ -54,6 +57,7 @@ impl Changes {
     ///
     /// [`crate::base::error::ErrorKind::InvalidOption`].
     pub fn check(&self, march: &March) -> Result<()> {
+        self.placement.check()?;
         self.bits.map_or(Ok(()), option_rules::bits)?;
         self.levels.map_or(Ok(()), option_rules::levels)?;
         self.zstd_level.map_or(Ok(()), option_rules::zstd_level)?;
@@ -143,6 +147,7 @@ impl Changes {
         if let Some(nodes) = self.drop_islands {
             changes["drop_islands"] = nodes.into();
         }
+        self.placement.add_to_json(&mut changes);
         changes
     }
 }

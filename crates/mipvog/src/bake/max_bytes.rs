@@ -35,13 +35,13 @@ pub struct Attempt<T> {
 pub struct Chosen {
     /// Bytes of the container.
     pub bytes: u64,
-    /// Errors of the values; none where all fitted as they were.
+    /// Errors of the values; none if everything fitted unchanged.
     #[cfg_attr(feature = "schemas", schemars(with = "Option<serde_json::Value>"))]
     pub max_error: Option<MaxErrors>,
     /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearby_coarseness: Option<f32>,
-    /// Finest levels that had to be dropped, and those that were to be dropped anyway.
+    /// Number of finest levels that were dropped, including those that were requested.
     pub without_finest: usize,
 }
 

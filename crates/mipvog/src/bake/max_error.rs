@@ -12,13 +12,12 @@ use crate::model::baked::{GROUPS, Group};
 /// The range of an error. Hardly anything but f32 keeps smaller ones; larger ones say nothing.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
-/// One for each group: of opacity over one interval for density, of activated values (0 to 1) for
-/// diffuse colours and for features, of the colour that a band adds for harmonics, and that
-/// directional brightness adds, of the opacity that anisotropy adds. The error of features is that
-/// of band 1. As text one number, or three with colons between. Then directional brightness has the
-/// error of diffuse colours, and anisotropy that of density. A fourth and a fifth number are those
-/// of bands 2 and 3, which are else that of band 1. Two more are those of directional brightness and
-/// of anisotropy.
+/// The largest error of each group: of opacity over one interval for density and for anisotropy, of
+/// activated values (0 to 1) for diffuse colours and features, and of the colour that it adds for a
+/// band of harmonics and for directional brightness. Features and band 1 share one bound. In text
+/// form, it is one number, or 3, 5 or 7 with colons between them: for opacity, diffuse colours and
+/// features; for bands 2 and 3, by default as features; for directional brightness, by default as
+/// diffuse colours; and for anisotropy, by default as opacity.
 ///
 /// ```
 /// use mipvog::MaxErrors;

@@ -53,6 +53,7 @@ mod unpacked_levels;
 pub use baker::{BakeInput, Baker};
 pub use changes::Changes;
 pub use current::is_current;
+pub use edit::Placement;
 pub use encode::{EncodeOptions, ErrorBound, Importance, LevelEncoder};
 pub use forecast::{Forecast, forecast};
 pub use max_bytes::Chosen;

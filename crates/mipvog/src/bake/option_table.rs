@@ -198,7 +198,7 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
         set: |options, text, _| parsed(text).map(|value| options.fill_error = Some(value)),
         list: Some((
             "ERROR,...",
-            "Errors of blocks that are left out to try, as `bake --fill-error`; 0 stores all",
+            "Errors of left-out colours to try, as `bake --fill-error`; 0 stores all",
         )),
         ..NONE
     },

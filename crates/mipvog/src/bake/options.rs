@@ -14,7 +14,7 @@ use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
 use crate::quantize::Bits;
 
-/// Compression level of zstd by default: the highest that is fast enough to be no bottleneck.
+/// Default compression level of zstd: the highest that is not a bottleneck.
 pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
 
 /// More steps than any fit needs by far.
@@ -22,8 +22,8 @@ const MAX_FIT_STEPS: usize = 100_000;
 
 /// Options of a bake.
 ///
-/// As text they have the names of their fields; a field that is left out has its default. Cameras
-/// and limits have no text.
+/// In serialized form, keys are the names of the fields, and missing keys have their defaults.
+/// Cameras and limits are not serialized.
 ///
 /// ```
 /// use mipvog::{BakeOptions, Filter};
@@ -35,70 +35,68 @@ const MAX_FIT_STEPS: usize = 100_000;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BakeOptions {
-    /// Filter of coarser levels. Default: [`Filter::RateTent`], which looks right from afar
+    /// Filter of coarser levels. Default: [`Filter::RateTent`], which looks right at a distance
     pub filter: SharedFilter,
-    /// Levels in all, at most. Default: down to 4 nodes along the longest axis
+    /// Maximum number of levels. Default: down to 4 nodes along the longest axis
     pub levels: Option<usize>,
-    /// Bits of a code. Default: 8
+    /// Bits per code. Default: 8
     pub bits: Bits,
-    /// Largest error of a decoded value, at any retained node of any level: in opacity over one
-    /// interval, in colour and features from 0 to 1. Each group of each level gets the fewest bits
-    /// that keep it, whatever `bits` says; 1e-6 to 0.25. Default: none, `bits` count
+    /// Largest error of a decoded value at any retained node of any level: of opacity over one
+    /// interval, and of colours and features (0 to 1); from 1e-6 to 0.25. Each group of each level
+    /// gets the fewest bits that satisfy it; `bits` is ignored. Default: none, `bits` is used
     pub max_error: Option<MaxErrors>,
-    /// Bytes of the container, at most: the smallest errors with which it fits are found, whatever
-    /// `bits`, `max_error` and `nearby_coarseness` say, and finest levels are dropped where none is
-    /// large enough. Default: no bound
+    /// Maximum size of the container in bytes. A bake finds the smallest errors with which it fits,
+    /// and drops the finest levels if nothing fits; `bits`, `max_error` and `nearby_coarseness` are
+    /// ignored. Default: unlimited
     pub max_bytes: Option<u64>,
-    /// Opacity over one interval up to which blocks are dropped. Default: 1e-3
+    /// Blocks whose opacity over one interval never exceeds this are dropped. Default: 1e-3
     pub alpha_threshold: f32,
     /// Nodes along a block's edge. Default: 8
     pub block_size: usize,
     /// Compression level of zstd, 1 to 22. Default: 1
     pub zstd_level: i32,
-    /// The rule that says which level a sample reads, where it is not the filter's own; a fit finds
-    /// its own
+    /// The rule that picks the level of a sample, instead of the filter's own. A fit finds its own
     pub lod_rule: Option<LevelRule>,
-    /// Multiplies the rule's factor. Default: 1
+    /// Factor on the slope of that rule. Default: 1
     pub lod_scale: f32,
-    /// Steps of a fit, at most, each of which moves all levels; only [`Filter::Fit`] takes any.
+    /// Maximum number of steps of a fit, for [`Filter::Fit`]; each step changes all levels.
     /// Default: 130
     pub fit_steps: usize,
-    /// Seconds of a fit in all, at most; the result then depends on the machine. Default: no bound
+    /// Time limit of a fit in seconds; the result then depends on the machine. Default: unlimited
     pub fit_seconds: Option<f64>,
-    /// Cameras whose pictures levels are fitted to. Default: none; then cameras on spheres around
-    /// the box
+    /// Cameras of the pictures that levels are fitted to. Default: none, for cameras on spheres
+    /// around the box
     #[serde(skip)]
     pub fit_cameras: Vec<Camera>,
-    /// The photographs of [`fit_cameras`](Self::fit_cameras), which levels are fitted to. Default:
-    /// none, levels are fitted to pictures of level 0
+    /// Photographs by the [`fit_cameras`](Self::fit_cameras), to fit levels to. Default: none, for
+    /// pictures of level 0
     #[serde(skip)]
     pub photographs: Option<Photographs>,
-    /// Least weight in a pixel of [`seen_from`](Self::seen_from) for which nodes are kept, above 0
-    /// to 1. Default: none, all visible nodes are kept
+    /// Nodes that add less than this to every pixel of [`seen_from`](Self::seen_from) are dropped;
+    /// above 0 to 1. Default: none, all visible nodes are kept
     pub min_weight: Option<f32>,
-    /// Codes by which colours may be moved at nodes that add as much to the pictures of
-    /// [`seen_from`](Self::seen_from) as the mean node of their level; more at nodes that add less.
-    /// 0 to 64. Default: 0
+    /// How far colours may move, in codes, at nodes of average weight in the pictures of
+    /// [`seen_from`](Self::seen_from); nodes of less weight may move further. 0 to 64. Default: 0
     pub coarseness: f32,
-    /// Codes by which colours may be moved at nodes of importance 1 to viewers in the empty space
-    /// around them ([`crate::levels::importance`]); more at less important ones. It counts where
-    /// `coarseness` is 0, `fill_error` is none and levels average alpha. 0 to 64. Default: 0
+    /// How far colours may move, in codes, at nodes of importance 1 to viewers in the empty space
+    /// around them ([`crate::levels::importance`]); less important nodes may move further. Used
+    /// only if `coarseness` is 0, `fill_error` is none and levels average alpha. 0 to 64. Default:
+    /// 0
     pub nearby_coarseness: f32,
-    /// Largest error, in colour and features from 0 to 1, within which blocks inherit their colours
-    /// from the next coarser level; the error of the codes comes on top. With
-    /// [`seen_from`](Self::seen_from) it holds at nodes of mean importance, and is larger at less
-    /// important ones. Default: none, all are stored
+    /// Blocks inherit their colours from the next coarser level where that reproduces them to
+    /// within this error of colours and features (0 to 1), in addition to the error of codes. With
+    /// [`seen_from`](Self::seen_from), it applies at nodes of average importance, and is larger at
+    /// less important ones. Default: none, all colours are stored
     pub fill_error: Option<f32>,
-    /// The cameras that `min_weight` and `coarseness` are about
+    /// The cameras of `min_weight` and `coarseness`
     #[serde(skip)]
     pub seen_from: Vec<Camera>,
-    /// Bytes of memory that the bake may take, at most; the result does not depend on it. Default:
-    /// no bound
+    /// Memory limit in bytes; the result does not depend on it. Default: unlimited
     pub memory: Option<u64>,
     /// Treatment of values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
-    /// Limits on sizes and memory; the result does not depend on them. Default: those for files
-    /// that are not trusted
+    /// Limits on sizes and memory; the result does not depend on them. Default: those for untrusted
+    /// files
     #[serde(skip)]
     pub limits: Limits,
 }
@@ -133,35 +131,36 @@ impl Default for BakeOptions {
 }
 
 impl BakeOptions {
-    /// With another filter: a built-in one, or any type that is a [`LevelFilter`].
+    /// Sets the filter: a built-in one, or any type that implements [`LevelFilter`].
     #[must_use]
     pub fn with_filter(mut self, filter: impl LevelFilter + 'static) -> Self {
         self.filter = filter.into();
         self
     }
 
-    /// With at most so many levels.
+    /// Sets the maximum number of levels.
     #[must_use]
     pub fn with_levels(mut self, levels: usize) -> Self {
         self.levels = Some(levels);
         self
     }
 
-    /// With codes of so many bits.
+    /// Sets the bits per code.
     #[must_use]
     pub fn with_bits(mut self, bits: Bits) -> Self {
         self.bits = bits;
         self
     }
 
-    /// With the fewest bits that keep an error: one number for all groups, or one for each.
+    /// Sets an error that the fewest sufficient bits satisfy: one number for all groups, or one for
+    /// each.
     #[must_use]
     pub fn with_max_error(mut self, max_error: impl Into<MaxErrors>) -> Self {
         self.max_error = Some(max_error.into());
         self
     }
 
-    /// The options that made a container, as far as its metadata and provenance tell.
+    /// The options that a container was made with, as its metadata and provenance state them.
     pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
         let mut options = Self::default();
         options.filter =
@@ -211,7 +210,7 @@ impl BakeOptions {
         rule.scaled(self.lod_scale)
     }
 
-    /// Checks that every option is in its range and contradicts no other.
+    /// Checks that every option is in range and none contradicts another.
     ///
     /// # Errors
     ///

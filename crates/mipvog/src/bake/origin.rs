@@ -15,13 +15,13 @@ const SAMPLES: u64 = 64;
 /// Bytes of a sample.
 const SAMPLE_BYTES: u64 = 4096;
 
-/// The input of a bake. It holds no paths and no times, so the same input gives the same bytes in
-/// any place.
+/// The input of a bake. It contains no paths and no times, so the same input gives the same bytes
+/// everywhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
     /// Kind of the input file.
     pub kind: String,
-    /// SHA-256 that identifies the input without a read of all of it.
+    /// SHA-256 that identifies the input without reading all of it.
     pub digest: [u8; 32],
     /// True if the digest covers the grids' values, by their checksums. If not, a bake adds
     /// checksums of values.

@@ -29,6 +29,9 @@ pub enum EncodingChoice {
     },
     /// Those of so many bits, for values that are laid over their range. Others stay.
     Laid(Bits),
+    /// Those of as many bits as there are, for coefficients of functions of the view direction,
+    /// which were rotated. Others stay.
+    Directional,
 }
 
 impl EncodingChoice {
@@ -53,6 +56,9 @@ impl EncodingChoice {
                     && *planned == planned_encoding(bits, decode, activation);
                 is_open.then(|| encoding_over(bits, decode, activation, range))
             }
+            Self::Directional => group
+                .is_directional()
+                .then(|| encoding_over(Bits::of(planned), planned.decode, activation, range)),
         }
     }
 }

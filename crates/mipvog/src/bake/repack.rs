@@ -31,7 +31,7 @@ use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::container::{self, EncodedLevel, Head, OtherChunk};
 use crate::model::baked::{Encoding, Group, Metadata, Table};
-use crate::model::grid::{BlockGrid, NodeMask, row};
+use crate::model::grid::NodeMask;
 use crate::unpacked::Unpacked;
 
 /// Packs `unpacked` into `output`, which is complete but not yet finished when this returns.
@@ -61,9 +61,9 @@ pub fn repack(
     let stated = stated.and_then(|level| i32::try_from(level).ok());
     let stated = stated.filter(|&level| option_rules::zstd_level(level).is_ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
-    let (edited, islands) = edited(unpacked, changes)?;
+    let (edited, islands) = edited(unpacked, changes, progress)?;
     let emptied = islands.is_some() || changes.crop.is_some();
-    if emptied || changes.without_outermost > 0 {
+    if emptied || changes.without_outermost > 0 || !changes.placement.is_identity() {
         stages.end("edit", 0);
     }
     let mut repacking = Repacking {
@@ -120,8 +120,12 @@ fn refuse_of_worlds(unpacked: &Unpacked, changes: &Changes) -> Result<()> {
     Error::require_option(levels > shells, "levels", levels, &expected)
 }
 
-/// The container without what the changes empty or drop.
-fn edited(unpacked: &Unpacked, changes: &Changes) -> Result<(Unpacked, Option<IslandReport>)> {
+/// The container without what the changes empty or drop, at its new place.
+fn edited(
+    unpacked: &Unpacked,
+    changes: &Changes,
+    progress: &dyn Progress,
+) -> Result<(Unpacked, Option<IslandReport>)> {
     let mut edited = unpacked.clone();
     edit::drop_outermost(&mut edited, changes.without_outermost)?;
     // What is left of a world may be one box, which has more changes.
@@ -134,6 +138,7 @@ fn edited(unpacked: &Unpacked, changes: &Changes) -> Result<(Unpacked, Option<Is
         edit::crop(&mut edited, bounds)?;
     }
     edit::drop_finest(&mut edited, changes.without_finest)?;
+    edit::place(&mut edited, &changes.placement, progress)?;
     Ok((edited, islands))
 }
 
@@ -187,7 +192,8 @@ impl Repacking<'_> {
         let tables = unpacked_tables.iter().map(Table::without_inheritance);
         let tables = tables.collect::<Result<Vec<Table>>>()?;
         metadata.parts_mut().for_each(|level| level.blocks_filled = 0);
-        let stored: Vec<NodeMask> = tables.iter().map(stored_nodes).collect();
+        let stored: Vec<NodeMask> =
+            levels.iter().map(|level| level.counted_nodes()).collect::<Result<_>>()?;
         let inherits = unpacked_tables.iter().any(|table| table.inherited() > 0);
         let among = Some(&*unpacked_tables);
         let packing = Packing {
@@ -200,8 +206,11 @@ impl Repacking<'_> {
                 (None, Some(bits)) => Some(EncodingChoice::Laid(bits)),
                 (None, None) => None,
             },
-            // Arrays can be edited, and encodings were made for the values before.
-            bound: max_errors.map_or(ErrorBound::Encoding, ErrorBound::Asked),
+            // Arrays can be edited, and encodings were made for the values before. Rotated values are
+            // no codes: where an encoding stays, they are as close to them as it says.
+            bound: max_errors
+                .filter(|_| !self.changes.placement.rotates())
+                .map_or(ErrorBound::Encoding, ErrorBound::Asked),
             importance: &[],
             coarseness: 0.0,
             inheritance: inherits.then_some(Inheritance { error: 0.0, among }),
@@ -288,21 +297,4 @@ fn add_errors(metadata: &mut Metadata, before: &Metadata) {
             }
         }
     }
-}
-
-/// Every node of a stored block: each value counts as it is.
-fn stored_nodes(table: &Table) -> NodeMask {
-    let BlockGrid { nodes, edge } = table.grid();
-    let [nx, _, nz] = nodes.0;
-    let words = row::words(nodes);
-    let mut stored = NodeMask::empty(nodes);
-    let mut planes = stored.planes_mut(0);
-    for [i, j, k] in table.stored() {
-        for plane in &mut planes[i * edge..nx.min((i + 1) * edge)] {
-            for row in plane.chunks_exact_mut(words).take((j + 1) * edge).skip(j * edge) {
-                row::set_between(row, k * edge, nz.min((k + 1) * edge));
-            }
-        }
-    }
-    stored
 }

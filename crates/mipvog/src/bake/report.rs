@@ -23,24 +23,24 @@ pub struct BakeReport {
     pub output_bytes: u64,
     /// Fine to coarse.
     pub levels: Vec<LevelReport>,
-    /// What levels from 1 on show around the next smaller box; left out of one box.
+    /// What levels from 1 on show around the next smaller box; absent without nested boxes.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shells: Vec<LevelReport>,
-    /// Fine to coarse, beside `levels`.
+    /// Fine to coarse, one for each of `levels`.
     pub pruned: Vec<PruneReport>,
-    /// True if the container was there already, and is the one that this bake would have written.
+    /// True if the container already existed, and is the one that this bake would have written.
     pub unchanged: bool,
-    /// The report of the fit, where there was one.
+    /// The report of the fit, if there was one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fitted: Option<FitReport>,
     /// True if the free-space mask had to be stored.
     pub free_space_stored: bool,
-    /// Values that were not finite and became empty.
+    /// Number of values that were not finite and were treated as empty.
     pub nonfinite_values: u64,
-    /// The quality that was chosen for a number of bytes, where one was asked for.
+    /// The quality that was chosen to fit a requested size.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chosen: Option<Chosen>,
-    /// The islands that were dropped, where that was asked for.
+    /// The islands that were dropped, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub islands: Option<IslandReport>,
     /// In the order of the work.
@@ -86,11 +86,11 @@ impl BakeReport {
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FitReport {
-    /// The rule that the levels look best with.
+    /// The rule of levels that the fit found.
     pub level_of_detail: LevelOfDetail,
-    /// Those that were fitted, fine to coarse.
+    /// The fitted levels, fine to coarse.
     pub levels: Vec<FittedLevel>,
-    /// True if it ended before its steps did, at its time limit or on request.
+    /// True if it ended early, at its time limit or on request.
     pub cut_short: bool,
 }
 
@@ -118,19 +118,19 @@ pub struct LevelReport {
     pub block_size: usize,
     /// Blocks of the level.
     pub blocks_total: usize,
-    /// Those that are stored, inherited ones among them.
+    /// Stored blocks, including inherited ones.
     pub blocks_stored: usize,
-    /// Those whose colours are inherited from the next coarser level.
+    /// Blocks that inherit their colours from the next coarser level.
     pub blocks_filled: usize,
     /// Bytes of table and codes before compression.
     pub raw_bytes: u64,
     /// Bytes of the level's chunks.
     pub stored_bytes: u64,
-    /// Bytes from the file's start after which the level renders; none in a forecast.
+    /// Leading bytes of the file that suffice to render the level; none in a forecast.
     pub prefix_bytes: Option<u64>,
-    /// Largest error of opacity at a retained node, by proof.
+    /// Proved bound on the error of opacity at retained nodes.
     pub max_opacity_error: Option<f32>,
-    /// Largest error of a colour or feature at a retained node, by proof.
+    /// Proved bound on the error of colours and features at retained nodes.
     pub max_color_error: Option<f32>,
     /// The level's groups, density first.
     pub groups: Vec<GroupReport>,
@@ -142,13 +142,13 @@ pub struct LevelReport {
 pub struct GroupReport {
     /// Its name.
     pub group: &'static str,
-    /// Bits of a code: 1 to 16, f16 or f32; none where a forecast did not look at the level.
+    /// Bits per code: 1 to 16, f16 or f32; none if a forecast did not measure the level.
     pub bits: Option<String>,
-    /// Largest error at a retained node whose value was not moved, by proof; none where a forecast
-    /// did not look at the level.
+    /// Proved bound on the error at retained nodes whose values were not moved; none if a forecast
+    /// did not measure the level.
     pub max_error: Option<f32>,
-    /// Largest error of values that were moved because little of them shows, by proof; none where
-    /// none were, or where it is not known which part of an error is a move.
+    /// Proved bound on the error of values that were moved because they hardly show; none if there
+    /// are none, or if the part of the error that is due to moves is unknown.
     pub moved_error: Option<f32>,
 }
 
@@ -183,9 +183,9 @@ pub struct PruneReport {
     pub nodes: u64,
     /// Nodes whose own opacity is above the threshold.
     pub opaque_nodes: u64,
-    /// Those that the free-space mask drops.
+    /// Opaque nodes that the free-space mask drops.
     pub masked_nodes: u64,
-    /// Corners of visible cells: the nodes that are kept for their values.
+    /// Nodes that are kept: the corners of visible cells.
     pub needed_nodes: u64,
 }
 

@@ -31,8 +31,8 @@ const RATE_BENDS: [[f32; 2]; 2] = [[0.0, -0.53], [2.0, 0.3]];
 pub enum FilterDomain {
     /// Logits as they are stored, as in training.
     Logits {
-        /// True if coarser levels have density of their own. Without it they have colours only, and
-        /// density is level 0's.
+        /// True if coarser levels have their own density. Otherwise they have only colours, and use
+        /// the density of level 0.
         density: bool,
     },
     /// Alpha, and colours premultiplied by visible alpha.
@@ -44,7 +44,7 @@ pub enum FilterDomain {
     },
 }
 
-/// The rules to make coarser levels, and to render them by.
+/// The rules that make coarser levels and pick a sample's level.
 ///
 /// ```
 /// use mipvog::{BakeOptions, FilterDomain, LevelFilter};
@@ -72,20 +72,21 @@ pub trait LevelFilter: Debug + Send + Sync {
     /// The name that containers and reports state.
     fn name(&self) -> &str;
 
-    /// The low-pass before each halving: weights of consecutive nodes along an axis, an odd number
-    /// of them, centred, with sum 1.
+    /// The low-pass before each halving: an odd number of centred weights along an axis, which sum
+    /// to 1.
     fn weights(&self) -> Vec<f64>;
 
     /// The values that are averaged.
     fn domain(&self) -> FilterDomain;
 
-    /// Levels of a field of `finest` nodes unless told otherwise; at least 1. Default: down to 4
-    /// nodes along the longest axis.
+    /// Default number of levels for a field of `finest` nodes; at least 1. Default: down to 4 nodes
+    /// along the longest axis.
     fn level_count(&self, finest: Nodes) -> usize {
         default_level_count(finest)
     }
 
-    /// Mixing of two levels. Default: after activation if alpha is averaged, else before.
+    /// How two levels are blended. Default: after activation if alpha is averaged, before it
+    /// otherwise.
     fn blend(&self) -> Blend {
         match self.domain() {
             FilterDomain::Alpha { .. } => Blend::AfterActivation,
@@ -93,8 +94,8 @@ pub trait LevelFilter: Debug + Send + Sync {
         }
     }
 
-    /// Distance of samples of coarser levels. Default: that of the level's nodes if alpha is
-    /// averaged, else that of level 0.
+    /// Spacing of samples on coarser levels. Default: that of the level's nodes if alpha is
+    /// averaged, that of level 0 otherwise.
     fn step_rule(&self) -> StepRule {
         match self.domain() {
             FilterDomain::Alpha { .. } => StepRule::LevelOfDetail,
@@ -102,24 +103,24 @@ pub trait LevelFilter: Debug + Send + Sync {
         }
     }
 
-    /// The rule that says which level a sample reads: factor and bias of the footprint's binary
-    /// logarithm, and a bound. Default: factor 0.5 and bias 0, without a bound.
+    /// The rule that picks the level of a sample: factor and bias on the base-2 logarithm of the
+    /// footprint, and an upper bound. Default: factor 0.5, bias 0, no bound.
     fn level_of_detail(&self) -> (f32, f32, Option<f32>) {
         (0.5, 0.0, None)
     }
 
-    /// Changes of that rule's slope, for footprints from some size on. Default: none.
+    /// Changes of that rule's slope, each from a given footprint on. Default: none.
     fn bends(&self) -> Bends {
         Bends::default()
     }
 
-    /// True if coarser levels look different from each side, where they store the square root of
+    /// True if coarser levels have directional terms, provided that they store the square root of
     /// optical depth. Readers of format 1.1 cannot read such levels. Default: no.
     fn is_directional(&self) -> bool {
         false
     }
 
-    /// True if levels are fitted to pictures of level 0 after they were filtered. Default: no.
+    /// True if levels are fitted to pictures of level 0 after filtering. Default: no.
     fn is_fitted(&self) -> bool {
         false
     }
@@ -208,7 +209,7 @@ impl<'de> Deserialize<'de> for SharedFilter {
     }
 }
 
-/// The filters that have a name on the command line.
+/// The built-in filters, by their names on the command line.
 ///
 /// ```
 /// use mipvog::{Filter, LevelFilter};
@@ -220,21 +221,21 @@ impl<'de> Deserialize<'de> for SharedFilter {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Filter {
-    /// Means of alpha under a tent, stored as the square root of optical depth. Looks right from
-    /// afar.
+    /// Tent-weighted means of alpha, stored as the square root of optical depth. Looks right at a
+    /// distance.
     RateTent,
-    /// The levels of `rate-tent`, alike from all sides, for readers of format 1.1.
+    /// As `rate-tent`, without directional terms, for readers of format 1.1.
     Isotropic,
-    /// Means of opacity over one interval under a box, stored as opacity.
+    /// Box-filtered opacity over one interval, stored as opacity.
     Coverage,
-    /// The levels of `rate-tent`, fitted to pictures of level 0 from afar.
+    /// The levels of `rate-tent`, fitted to distant pictures of level 0.
     Fit,
     /// The research code's levels: colour only, mean of 3; density stays level 0's. Published
     /// checkpoints were trained with it.
     Code,
     /// The paper's levels: mean of 5 over density and colour.
     Paper,
-    /// The paper's form with another low-pass.
+    /// As the paper, with another low-pass.
     Kernel(Kernel),
 }
 

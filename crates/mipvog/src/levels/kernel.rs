@@ -6,7 +6,7 @@
 pub enum Kernel {
     /// Resize only.
     None,
-    /// Mean of 3 nodes an axis.
+    /// Mean of 3 nodes along each axis.
     Mean3,
     /// Mean of 5.
     Mean5,
@@ -48,7 +48,7 @@ impl Kernel {
         }
     }
 
-    /// Weights of one axis, an odd number of them, centred, with sum 1.
+    /// Weights along one axis: an odd number of centred weights, which sum to 1.
     pub fn weights(self) -> Vec<f64> {
         let gauss = |radius: i32, deviation: f64| {
             let falloff = |at: i32| {

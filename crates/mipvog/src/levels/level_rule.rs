@@ -4,15 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::baked::{Bends, LevelOfDetail};
 
-/// A published rule, in place of the one that a filter was measured to look best with.
+/// A published rule, instead of a filter's own, which was measured to look best.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LevelRule {
-    /// A third of the footprint's logarithm.
+    /// One third of the footprint's logarithm, as in the paper.
     Paper,
-    /// Half of it, at most 4: the research code's.
+    /// Half of it, at most 4, as in the research code.
     Code,
-    /// The whole of it, as mipmaps of textures are chosen.
+    /// All of it, as for mipmaps of textures.
     Mipmap,
 }
 

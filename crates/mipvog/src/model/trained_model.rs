@@ -14,17 +14,17 @@ pub struct RayColor {
     pub color: [f32; 3],
     /// Light left behind the field, 0 to 1.
     pub transmittance: f32,
-    /// Expected distance in world units; light that passes the field counts at `far`, if there is
-    /// one.
+    /// Expected distance in world units; light that passes the field counts as at `far`, if that is
+    /// set.
     pub distance: f32,
 }
 
-/// The rules that belong to a picture and not to a model.
+/// Rules of a picture, independent of the model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayRules {
-    /// No sample is nearer than this, in world units along the ray.
+    /// Nearest distance of a sample, in world units along the ray.
     pub near: f32,
-    /// Rays enter the box no farther than this, likewise; `None` is without bound.
+    /// Farthest distance at which sampling may start, likewise; `None` is unlimited.
     pub far: Option<f32>,
     /// Colour behind the field.
     pub background: [f32; 3],
@@ -37,10 +37,11 @@ impl RayRules {
     }
 }
 
-/// A trained model in memory, evaluated by the rules of the program that trained it: its places of
-/// samples, its activations, its rules to stop.
+/// A trained model in memory, evaluated by the rules of the program that trained it: its sample
+/// positions, activations and termination of rays.
 ///
-/// Models whose rules are those of a [`RadianceField`](super::field::RadianceField) need none.
+/// Models that follow the rules of a [`RadianceField`](super::field::RadianceField) do not need
+/// one.
 pub trait TrainedModel: Debug + Send + Sync {
     /// The light along a ray. Its direction need not have unit length. After a request to stop the
     /// light is incomplete.

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
-use super::planes::fill_plane;
+use super::planes::{Slice, fill_plane, fill_slice};
+use super::rotation::Rotation;
 use super::tensors::digest_of_tensors;
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, Place, Result};
@@ -63,6 +64,8 @@ pub enum LevelValues {
     Volumes(Box<[Option<Volume>; GROUPS]>),
     /// A container's codes, and the encodings that they have there.
     Codes(Arc<(BakedLevel, LevelMetadata)>),
+    /// Those of a level before this rotation.
+    Rotated(Box<(UnpackedLevel, Rotation)>),
 }
 
 impl Unpacked {
@@ -176,6 +179,7 @@ impl UnpackedLevel {
                 let atlases = codes.0.atlases.iter().flatten();
                 atlases.map(|codes| (codes.len() * codes.number_bytes()) as u64).sum()
             }
+            LevelValues::Rotated(rotated) => rotated.0.bytes(),
         }
     }
 
@@ -203,6 +207,9 @@ impl UnpackedLevel {
             LevelValues::Codes(codes) => {
                 fill_plane(&codes.0, &codes.1, group, channel, x, out);
             }
+            LevelValues::Rotated(_) => {
+                self.fill_slice((group, channel), Slice { axis: 0, index: x }, empty, out)?;
+            }
         }
         if group.is_color() {
             return Ok(());
@@ -215,6 +222,79 @@ impl UnpackedLevel {
                 for (start, end) in row::runs(emptied.row(x, y)) {
                     values[start..end].fill(empty);
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// As [`Self::read_plane`], of a slice along any axis.
+    fn read_slice(
+        &self,
+        (group, channel): (Group, usize),
+        slice: Slice,
+        empty: f32,
+        out: &mut [f32],
+    ) -> Result<()> {
+        if slice.axis == 0 {
+            return self.read_plane((group, channel), slice.index, empty, out);
+        }
+        self.fill_slice((group, channel), slice, empty, out)?;
+        if group.is_color() {
+            return Ok(());
+        }
+        let length = self.table.grid().nodes.0[slice.spans()[1]];
+        for (at, value) in out.iter_mut().enumerate() {
+            *value *= self.density_scale;
+            let node = slice.node(at / length, at % length);
+            if self.emptied.as_ref().is_some_and(|emptied| emptied.contains(node)) {
+                *value = empty;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the values of a slice, before `density_scale` and `emptied`.
+    fn fill_slice(
+        &self,
+        (group, channel): (Group, usize),
+        slice: Slice,
+        empty: f32,
+        out: &mut [f32],
+    ) -> Result<()> {
+        let length = self.table.grid().nodes.0[slice.spans()[1]];
+        match &self.values {
+            LevelValues::Volumes(volumes) => {
+                let Some(volume) = &volumes[group.index()] else { return Ok(()) };
+                let mut scratch = Vec::new();
+                for (at, value) in out.chunks_exact_mut(1).enumerate() {
+                    let node = slice.node(at / length, at % length);
+                    volume.read_run(channel, node, value, &mut scratch, |_| {})?;
+                }
+            }
+            LevelValues::Codes(codes) => {
+                fill_slice(&codes.0, &codes.1, (group, channel), slice, out);
+            }
+            LevelValues::Rotated(rotated) => {
+                let (level, rotation) = &**rotated;
+                let sizes = self.table.grid().nodes.0;
+                // Along one axis all nodes of the slice have one number before the rotation too.
+                let axis = rotation.axes[slice.axis];
+                let index = rotation.source(sizes, slice.node(0, 0))[axis];
+                let before = Slice { axis, index };
+                let [major, minor] = before.spans();
+                let before_length = level.table.grid().nodes.0[minor];
+                let mut values = vec![0.0; out.len()];
+                let mut sums = vec![0.0; out.len()];
+                for (channel, factor) in rotation.channel(group, channel) {
+                    level.read_slice((group, channel), before, empty, &mut values)?;
+                    for (at, sum) in sums.iter_mut().enumerate() {
+                        let node = slice.node(at / length, at % length);
+                        let node = rotation.source(sizes, node);
+                        let value = values[node[major] * before_length + node[minor]];
+                        *sum += factor * f64::from(value);
+                    }
+                }
+                out.iter_mut().zip(sums).for_each(|(out, sum)| *out = sum as f32);
             }
         }
         Ok(())

@@ -6,10 +6,13 @@
 
 mod levels;
 mod planes;
+mod rotated;
+mod rotation;
 mod row;
 mod tensors;
 
 pub use levels::{LevelValues, Unpacked, UnpackedLevel};
 pub use planes::{check_levels, fill_plane};
+pub use rotation::Rotation;
 pub use row::{Row, safetensors_digest, safetensors_header};
 pub use tensors::{CONTENT, append_all, header, read_tensors, rows, tensor_name, texts};

@@ -92,7 +92,12 @@ impl Lattice {
             let start = ((low - first) / spacing - 1e-4).ceil().clamp(0.0, last as f64) as usize;
             let end = ((high - first) / spacing + 1e-4).floor().clamp(0.0, last as f64) as usize;
             let found = format!("{crop:?}");
-            Error::require_option(start < end, "crop", found, "a box with two points a side")?;
+            Error::require_option(
+                start < end,
+                "crop",
+                found,
+                "a box with two points along each axis",
+            )?;
             self.shares[axis] = self.shares[axis][start..=end].to_vec();
             self.first[axis] = first + start as f64 * spacing;
         }

@@ -116,7 +116,7 @@ impl ExportFormat for Flipbook {
         };
         files.add(beside(&output, &name), &bytes)?;
         let text = serde_json::to_string_pretty(&description)
-            .map_err(|error| Error::usage(format!("the description is no JSON: {error}")))?;
+            .map_err(|error| Error::usage(format!("the description is not JSON: {error}")))?;
         files.add(output.with_extension("json"), (text + "\n").as_bytes())?;
         progress.advance(Step::Write, 1);
         let mut lost = lost(source);

@@ -10,7 +10,7 @@ use crate::model::scene::{Activation, INVISIBLE_OPACITY};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DensityDomain {
-    /// Raw density: the activation's function makes density of it.
+    /// Raw density, which the activation's function turns into density.
     #[serde(rename = "raw_density")]
     Raw,
     /// Square root of the optical depth over one interval: `alpha = 1 - exp(-value^2)`.
@@ -100,7 +100,7 @@ impl Decode {
         }
     }
 
-    /// The domain of density; none for all else.
+    /// The domain of density; none for other values.
     pub const fn density(self) -> Option<DensityDomain> {
         match self {
             Self::Density(domain) => Some(domain),

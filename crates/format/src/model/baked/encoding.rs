@@ -38,21 +38,21 @@ pub enum Group {
     Anisotropy,
 }
 
-/// The parts of a node's values beside density.
+/// A node's values other than density.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ColorLayout {
-    /// Specular features; 0 beside harmonics.
+    /// Number of specular features; 0 with harmonics.
     pub features: usize,
     /// The highest band of harmonics; 0 without them.
     pub degree: usize,
     /// True if a level has directional brightness.
     pub directional: bool,
-    /// True if a level has anisotropy, which is no colour, but follows it.
+    /// True if a level has anisotropy, which is not a colour, but stored after them.
     pub anisotropy: bool,
 }
 
 impl ColorLayout {
-    /// All colour channels of a node.
+    /// Number of colour channels of a node.
     pub fn color_channels(self) -> usize {
         Group::COLORS.into_iter().map(|group| group.channels(self)).sum()
     }
@@ -71,7 +71,7 @@ impl Group {
         Self::Anisotropy,
     ];
 
-    /// The groups of colour, of which blocks can inherit.
+    /// The groups of colour, which blocks can inherit.
     pub const COLORS: [Self; GROUPS - 2] = [
         Self::Diffuse,
         Self::Features,
@@ -124,6 +124,12 @@ impl Group {
     pub const fn is_color(self) -> bool {
         !matches!(self, Self::Density | Self::Anisotropy)
     }
+
+    /// True if the values are coefficients of functions of the view direction: they change with a
+    /// rotation.
+    pub const fn is_directional(self) -> bool {
+        matches!(self, Self::Band(_) | Self::Directional | Self::Anisotropy)
+    }
 }
 
 impl NumberType {
@@ -158,7 +164,7 @@ impl Encoding {
         }
     }
 
-    /// The codes that may be: those that `bits` can hold, those of finite floats.
+    /// The valid codes: those that `bits` can hold, or those of finite floats.
     pub fn codes(&self) -> RangeInclusive<u32> {
         match self.number {
             NumberType::U8 | NumberType::U16 => 0..=self.last_code(),
@@ -167,7 +173,7 @@ impl Encoding {
         }
     }
 
-    /// The values of all integer codes, lowest first; ascending in every sound encoding.
+    /// The values of all integer codes, lowest first; ascending in every valid encoding.
     pub fn values(&self) -> impl Iterator<Item = f32> {
         (0..=self.last_code()).map(|code| self.value(code))
     }

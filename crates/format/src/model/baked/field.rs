@@ -8,29 +8,29 @@ use crate::model::view_mlp::ViewMlp;
 /// A container's content, decoded to codes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BakedField {
-    /// All that is not bulk.
+    /// The metadata.
     pub metadata: Metadata,
     /// View-dependent colour, if there is any.
     pub view_mlp: Option<ViewMlp>,
-    /// The free-space mask, where dropping it would show.
+    /// The free-space mask, if dropping it would be visible.
     pub free_space: Option<FreeSpace>,
     /// Levels, finest first, then shells: the parts of the metadata.
     pub levels: Vec<BakedLevel>,
-    /// The finest level that was read; 0 but for a prefix of a container. Levels before it are
+    /// The finest level that was read; above 0 only for a prefix of a container. Finer levels are
     /// empty.
     pub finest: usize,
 }
 
 impl BakedField {
-    /// What lies in the box of level 0 alone: the levels that span it, without shells.
+    /// Only the content of level 0's box: the levels that span it, without shells.
     #[must_use]
     pub fn inner_box(self) -> Self {
         self.one_box(0)
     }
 
-    /// What lies in one of nested boxes, 0 being that of level 0, as a field of one box: its level 0
-    /// is the box's shell, which has a hole where the next smaller box is. A box that is not there is
-    /// the outermost.
+    /// The content of one of the nested boxes, as a field of one box; 0 is that of level 0. Its
+    /// level 0 is the box's shell, which has a hole where the next smaller box is. A number that is
+    /// too large means the outermost box.
     #[must_use]
     pub fn one_box(mut self, number: usize) -> Self {
         let metadata = &self.metadata;

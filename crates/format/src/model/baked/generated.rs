@@ -24,13 +24,13 @@ pub struct LevelOfDetail {
     pub factor: f32,
     /// Added after the factor.
     pub bias: f32,
-    /// The sample of the neighbouring ray that the footprint is measured to.
+    /// The point of the neighbouring ray to which the footprint is measured.
     #[serde(rename = "aside")]
     pub neighbour: FootprintNeighbour,
-    /// An upper bound beside the last level, if there is one.
+    /// An upper bound in addition to the last level, if any.
     #[serde(rename = "most", deserialize_with = "nullable")]
     pub bound: Option<f32>,
-    /// Where the line bends; left out where it does not.
+    /// Bends of the line; absent if there are none.
     #[cfg_attr(feature = "schemas", schemars(with = "Vec<[f32; 2]>"))]
     #[serde(default, skip_serializing_if = "is_default")]
     pub bends: Bends,
@@ -56,23 +56,23 @@ pub struct NetworkMetadata {
 pub struct Encoding {
     /// Number type of codes.
     pub number: NumberType,
-    /// Bits that codes use: 1 to 16, or those of the float.
+    /// Bits per code: 1 to 16, or those of the float.
     pub bits: u32,
     /// Value of the middle code; 0 for floats.
     pub center: f32,
-    /// Distance of neighbouring codes' values at the middle; 0 for floats.
+    /// Difference between the values of neighbouring codes at the middle; 0 for floats.
     pub step: f32,
-    /// Growth of that distance towards the ends; 0 for floats.
+    /// Growth of that difference towards the ends; 0 for floats.
     pub curve: f32,
-    /// Value of dropped blocks.
+    /// Value of nodes in blocks that are not stored.
     pub empty: f32,
     /// True if code 0 means `empty`.
     pub empty_code: bool,
     /// Meaning of decoded values.
     #[cfg_attr(feature = "schemas", schemars(with = "String"))]
     pub decode: Decode,
-    /// Largest distance, at a retained node, between the decoded and the encoded value: in opacity
-    /// over one interval for density, in colour (0 to 1) otherwise.
+    /// Largest error of a decoded value at a retained node: in opacity over one interval for
+    /// density, in colour (0 to 1) otherwise.
     pub max_error: f32,
 }
 
@@ -88,38 +88,37 @@ pub struct LevelMetadata {
     /// The box of a shell; left out of levels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<Bounds>,
-    /// Stored blocks, those whose colours are inherited among them.
+    /// Stored blocks, including those that inherit their colours.
     pub blocks_stored: usize,
-    /// Blocks whose colours are inherited from the next coarser level; left out where there are
-    /// none.
+    /// Blocks that inherit their colours from the next coarser level; absent if there are none.
     #[serde(default, skip_serializing_if = "is_default")]
     pub blocks_filled: usize,
-    /// Density; `None` where every level uses level 0's.
+    /// Density; `None` if the level uses that of level 0.
     #[serde(deserialize_with = "nullable")]
     pub density: Option<Encoding>,
     /// Diffuse colour.
     #[serde(deserialize_with = "nullable")]
     pub diffuse: Option<Encoding>,
-    /// Specular features; `None` without any.
+    /// Specular features; `None` if there are none.
     #[serde(deserialize_with = "nullable")]
     pub features: Option<Encoding>,
-    /// Coefficients of harmonics, band 1 first; left out where there are none.
+    /// Coefficients of harmonics, band 1 first; absent if there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<Encoding>,
-    /// Directional brightness; left out where there is none.
+    /// Directional brightness; absent if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub directional: Option<Encoding>,
-    /// Anisotropy of density; left out where there is none.
+    /// Anisotropy of density; absent if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub anisotropy: Option<Encoding>,
 }
 
-/// All that is not bulk. Levels go fine to coarse.
+/// Everything except bulk data. Levels are ordered fine to coarse.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Metadata {
-    /// The box of level 0, and without shells of every level, in training axes.
+    /// The box of level 0, in training axes; without shells, that of every level.
     pub bounds: Bounds,
     /// Raw density to opacity.
     pub activation: Activation,
@@ -143,13 +142,15 @@ pub struct Metadata {
     pub view: Option<ViewMetadata>,
     /// True if samples outside the free-space mask in chunk `MASK` are dropped.
     pub free_space: bool,
-    /// Opacity over one interval up to which blocks were dropped. Not for single samples.
+    /// Blocks up to this opacity over one interval were dropped. Renderers do not apply it to
+    /// samples.
     pub alpha_threshold: f32,
     /// Name of the filter that made the coarser levels.
     pub filter: String,
     /// Fine to coarse.
     pub levels: Vec<LevelMetadata>,
-    /// What lies around the box of level 0, from level 1 on; left out where nothing does.
+    /// Shells of levels 1, 2, ...: what they show around smaller boxes; absent without nested
+    /// boxes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shells: Vec<LevelMetadata>,
 }

@@ -2,13 +2,13 @@
 
 use super::Bounds;
 
-/// The place of a box in the outermost one: `(share - offset) * scale` is a place in shares of the
-/// box, for one in shares of the outermost.
+/// A box in the outermost one: `(share - offset) * scale` converts a position in shares of the
+/// outermost box to one in shares of this box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoxFrame {
     /// The box's lowest corner, in shares of the outermost box.
     pub offset: [f64; 3],
-    /// Extents of the box in that of the outermost, from 1.
+    /// The outermost box's extents divided by this box's, 1 or more.
     pub scale: [f64; 3],
 }
 

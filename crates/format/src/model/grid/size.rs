@@ -8,7 +8,8 @@ use crate::base::limits::{self, LimitName, Limits};
 pub struct Nodes(pub [usize; 3]);
 
 impl Nodes {
-    /// Sizes that a file states: each at least 2 and, with their product, within the limits.
+    /// Checks sizes that a file states: each is at least 2, and they and their product are within
+    /// the limits.
     pub fn checked(sizes: [u64; 3], limits: &Limits, place: &Place) -> Result<Self> {
         if sizes.iter().any(|&size| size < 2) {
             let [x, y, z] = sizes;
@@ -33,7 +34,7 @@ impl Nodes {
         Ok(Self(sizes.map(|size| size as usize)))
     }
 
-    /// Refuses a grid of which so many planes along x, as 4-byte values, take more memory than the
+    /// Refuses a grid if `count` of its planes along x, as 4-byte values, take more memory than the
     /// limits allow.
     ///
     /// # Errors
@@ -45,12 +46,12 @@ impl Nodes {
         limits::check(LimitName::Memory, "bytes of planes of a grid", bytes, limits.memory, place)
     }
 
-    /// Nodes in all.
+    /// Total number of nodes.
     pub fn count(self) -> usize {
         self.0.iter().product()
     }
 
-    /// The next coarser level: each axis halves, rounding down, but keeps its 2 end nodes.
+    /// The next coarser level: each axis is halved, rounded down, to at least 2 nodes.
     pub fn halved(self) -> Self {
         Self(self.0.map(|size| (size / 2).max(2)))
     }
@@ -89,11 +90,11 @@ impl Bounds {
         ))
     }
 
-    /// Corners of a model's box lie within this distance of 0: cameras around it have to stand within
-    /// a hundred times as much.
+    /// Corners of a model's box must lie within this distance of 0, so that cameras around it are
+    /// within a hundred times as much.
     pub const FARTHEST: f64 = 1e10;
 
-    /// The same of the box of a model, which cameras stand around.
+    /// The same for the box of a model, which cameras surround.
     ///
     /// # Errors
     /// `Malformed`.
@@ -128,7 +129,7 @@ impl BlockGrid {
         self.nodes.0.map(|size| size.div_ceil(self.edge))
     }
 
-    /// Blocks in all.
+    /// Total number of blocks.
     pub fn total(self) -> usize {
         self.counts().iter().product()
     }

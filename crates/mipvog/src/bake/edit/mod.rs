@@ -1,9 +1,10 @@
 //! Changes to what an unpacked container holds, before it is packed again: parts that become empty
-//! (`crop`, `crop_world`, `islands`), and levels that go: the finest ones (`finest`), or those of the
-//! outermost boxes of a world (`outermost`).
+//! (`crop`, `crop_world`, `islands`), levels that go: the finest ones (`finest`), or those of the
+//! outermost boxes of a world (`outermost`), and another place (`place`).
 //!
-//! Values of stored nodes stay as they are. Emptied blocks lose their frames, emptied nodes read as
-//! the level's empty value.
+//! Values of stored nodes stay as they are, except that a rotation converts those that depend on
+//! the view direction. Emptied blocks lose their frames, emptied nodes read as the level's empty
+//! value.
 
 mod blocks;
 mod crop;
@@ -11,9 +12,11 @@ mod crop_world;
 mod finest;
 mod islands;
 mod outermost;
+mod place;
 
 pub use crop::crop;
 pub use crop_world::crop_world;
 pub use finest::{drop_finest, drop_from_metadata};
 pub use islands::drop_islands;
 pub use outermost::drop_outermost;
+pub use place::{Placement, place};

@@ -19,10 +19,10 @@ const SKEW: f64 = 0.02;
 /// One camera: a frame of a camera file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// The file's name for the frame, without folder and extension; with as much of its folders as
-    /// tells frames of one name apart.
+    /// The frame's file name without folder and extension; frames of the same name have as many of
+    /// their folders as distinguish them.
     pub name: String,
-    /// Camera to world, columns are the camera's axes and its place.
+    /// Camera to world; the columns are the camera's axes and its position.
     pub to_world: DMat4,
     /// The map from pixels to directions.
     pub lens: Lens,
@@ -76,8 +76,8 @@ impl Lens {
         }
     }
 
-    /// A picture of another size with the same angle along x. Pixels keep their shape, so another
-    /// shape of the picture shows more or less along y.
+    /// The same angle along x in another picture size. Pixels keep their shape, so another aspect
+    /// ratio shows more or less along y.
     #[must_use]
     pub fn reframed(&self, width: usize, height: usize) -> Self {
         let scale = width as f64 / self.width as f64;

@@ -13,7 +13,7 @@ use crate::model::harmonics::Harmonics;
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
 
-/// Makes a [`RadianceField`] of arrays in memory.
+/// Makes a [`RadianceField`] from arrays in memory.
 ///
 /// Arrays are node-centred and in C order: channel slowest, then x, y, and z fastest. Nodes 0 and
 /// `N - 1` lie on the faces of the box.
@@ -51,8 +51,8 @@ pub struct FieldBuilder {
 }
 
 impl RadianceField {
-    /// Starts a field of `nodes` along x, y and z, at least 2 each. `density` holds a raw logit for
-    /// each node, `diffuse` three raw colour logits.
+    /// Starts a field with `nodes` along x, y and z, at least 2 each. `density` has one raw value
+    /// per node, `diffuse` three colour logits.
     pub fn builder(nodes: [usize; 3], density: Vec<f32>, diffuse: Vec<f32>) -> FieldBuilder {
         FieldBuilder {
             nodes,
@@ -96,8 +96,8 @@ impl FieldBuilder {
         self
     }
 
-    /// The distances where rays start and where they enter the box at the latest, in world units
-    /// along the optical axis. Default: 0, and no bound.
+    /// The distance at which rays start, and the farthest distance at which sampling may start,
+    /// along the optical axis in world units. Default: 0 and unlimited.
     #[must_use]
     pub fn near_far(mut self, near: f32, far: Option<f32>) -> Self {
         (self.near, self.far) = (near, far);
@@ -111,22 +111,23 @@ impl FieldBuilder {
         self
     }
 
-    /// Specular features, raw logits of as many channels as the array has for each node, and the
-    /// network that makes view-dependent colour of them.
+    /// Specular features, any number of channels of logits per node, and the network that turns
+    /// them into view-dependent colour.
     #[must_use]
     pub fn view_dependence(mut self, features: Vec<f32>, network: ViewMlp) -> Self {
         (self.features, self.view) = (features, Some(ViewDependence::Network(network)));
         self
     }
 
-    /// The function from raw density to density. Default: softplus. Beside relu there is no shift.
+    /// The function from raw density to density. Default: softplus. The shift is not used with
+    /// relu.
     #[must_use]
     pub fn density_function(mut self, function: DensityFunction) -> Self {
         self.function = function;
         self
     }
 
-    /// The colours are no logits but colours themselves, 0 to 1 and beyond.
+    /// Colours are not logits, but linear values: 0 to 1, and beyond.
     #[must_use]
     pub fn linear_colors(mut self) -> Self {
         self.color_domain = ColorDomain::Linear;
@@ -134,14 +135,14 @@ impl FieldBuilder {
     }
 
     /// Colours are harmonics: the diffuse array holds the coefficients of band 0, `higher` those of
-    /// the other functions in their order, three channels each.
+    /// the other functions in order, three channels each.
     #[must_use]
     pub fn harmonics(mut self, higher: Vec<f32>, harmonics: Harmonics) -> Self {
         (self.features, self.view) = (higher, Some(ViewDependence::Harmonics(harmonics)));
         self.linear_colors()
     }
 
-    /// The mask of the space that training left free. Default: none.
+    /// The free-space mask of the training. Default: none.
     #[must_use]
     pub fn free_space(mut self, mask: FreeSpace) -> Self {
         self.free_space = Some(mask);
@@ -152,8 +153,8 @@ impl FieldBuilder {
     ///
     /// # Errors
     ///
-    /// An array of another length than the nodes ask for, or a setting out of its range. The place
-    /// names the array or the setting.
+    /// An array whose length does not match the nodes, or a setting out of range. The place names
+    /// it.
     pub fn build(self) -> Result<RadianceField> {
         let sizes = self.nodes;
         let count = sizes.iter().try_fold(1usize, |count, &size| count.checked_mul(size));

@@ -8,8 +8,9 @@ use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::model::grid::{NodeMask, Nodes};
 
-/// Values at nodes that are no strided array: sparse rows, products of factors, samples of another
-/// model. Readers ask for planes of constant x, from any thread and in any order; neighbouring
+/// Values at nodes that are not a strided array: sparse rows, products of factors, samples of
+/// another model. Readers ask for planes of constant x, from any thread and in any order;
+/// neighbouring
 /// planes usually follow each other, and all channels of one come soon after each other.
 pub trait NodeValues: Debug + Send + Sync {
     /// Nodes along each axis.
@@ -18,10 +19,10 @@ pub trait NodeValues: Debug + Send + Sync {
     /// Channels.
     fn channels(&self) -> usize;
 
-    /// Bytes that the values take in memory while planes are read, at most.
+    /// Maximum memory in bytes that the values take while planes are read.
     fn memory_bytes(&self) -> u64;
 
-    /// Feeds a digest with samples of the bytes that stand for all values.
+    /// Feeds a digest with bytes that represent all values.
     ///
     /// # Errors
     /// Those of reading.
@@ -35,7 +36,8 @@ pub trait NodeValues: Debug + Send + Sync {
     fn prepare(&self, progress: &dyn Progress) -> Result<()>;
 
     /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Other nodes may
-    /// be filled or left as they are. Prepares what nobody prepared before. Returns the bytes that
+    /// be filled or left as they are. Prepares first if [`Self::prepare`] was not called. Returns
+    /// the bytes that
     /// were read.
     ///
     /// # Errors
@@ -48,7 +50,7 @@ pub trait NodeValues: Debug + Send + Sync {
 pub enum Grid {
     /// A dense array, in a file or in memory.
     Array(Volume),
-    /// Values that are found in another way.
+    /// Values that are computed or looked up.
     Values(Arc<dyn NodeValues>),
 }
 

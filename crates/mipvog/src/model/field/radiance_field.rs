@@ -75,7 +75,7 @@ impl RadianceField {
         if let Some(view) = &self.view {
             view.check(self.color_channels() - 3, &place("view dependence"))?;
             let harmonics = view.harmonics().is_some();
-            let expected = "linear colours beside harmonics, logits beside a network";
+            let expected = "linear colours with harmonics, logits with a network";
             let found = format!("{:?}", self.color_domain);
             let fits = harmonics == (self.color_domain == ColorDomain::Linear);
             require(fits, "colour", found, expected)?;

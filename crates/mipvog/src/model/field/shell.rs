@@ -29,7 +29,8 @@ impl Lattice {
         Self { bounds, nodes }
     }
 
-    /// A box twice as large with about as many nodes, an odd number of them, around this one.
+    /// A box around this one, twice as large, with an odd number of nodes close to that of this
+    /// one.
     pub fn doubled(&self) -> Self {
         let spacing = self.nodes.spacing(&self.bounds);
         let (mut bounds, mut nodes) = (self.bounds, self.nodes);
@@ -77,9 +78,9 @@ impl Lattice {
 pub struct Shell {
     /// The box and its nodes.
     pub lattice: Lattice,
-    /// Raw density, as the field's.
+    /// Raw density, in the same form as the field's.
     pub density: Grid,
-    /// Raw colour, in grids of as many channels as the field's.
+    /// Raw colour, in grids with the same channels as the field's.
     pub color: Vec<Grid>,
 }
 

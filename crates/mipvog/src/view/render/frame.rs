@@ -21,7 +21,7 @@ const TILE: usize = 16;
 /// The level that samples read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LevelChoice {
-    /// As the field's rule says.
+    /// By the field's rule.
     #[default]
     Auto,
     /// Always this one.
@@ -59,9 +59,9 @@ pub struct Frame {
     pub distance: Vec<f32>,
     /// Weighted mean level of the samples; 0 where there are none.
     pub level: Vec<f32>,
-    /// Diffuse colour and features, `channels` a pixel.
+    /// Diffuse colour and features, `channels` values per pixel.
     pub accumulated: Vec<f32>,
-    /// Values of `accumulated` for a pixel.
+    /// Values of `accumulated` per pixel.
     pub channels: usize,
     /// Time and samples.
     pub statistics: Statistics,
@@ -72,9 +72,9 @@ pub struct Frame {
 pub struct Statistics {
     /// Rays.
     pub rays: u64,
-    /// Samples that were interpolated; not counted for models with rules of their own.
+    /// Number of interpolated samples; not counted for models with rules of their own.
     pub samples: u64,
-    /// Samples between the rays' entry and exit, looked at or not; likewise.
+    /// Number of samples between the entry and exit of rays, interpolated or skipped; likewise.
     pub steps: u64,
 }
 
@@ -87,10 +87,10 @@ impl std::ops::AddAssign for Statistics {
 }
 
 impl Renderer {
-    /// The picture that a camera sees, one ray a pixel, over the field's background.
+    /// The picture that a camera sees, one ray per pixel, over the field's background.
     ///
     /// # Errors
-    /// A camera that cannot be rendered: a lens or a place out of its range.
+    /// A camera that cannot be rendered, because its lens or position is out of range.
     pub fn picture(&self, camera: &Camera) -> Result<Frame> {
         render(self, camera, &FrameOptions::default(), &Silent)
     }

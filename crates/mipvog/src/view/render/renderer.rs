@@ -12,7 +12,7 @@ use crate::model::grid::Bounds;
 use crate::model::trained_model::{LoadModel, TrainedModel};
 use crate::view::sample::{Dense, SampleLevels as _, Sparse, Stored, View};
 
-/// A field to be rendered.
+/// Renders a field.
 #[derive(Debug)]
 pub struct Renderer {
     view: View,
@@ -143,10 +143,10 @@ impl Renderer {
         matches!(self.content, Content::Model(_))
     }
 
-    /// Leaves out all samples outside of a box.
+    /// Leaves out all samples outside a box.
     ///
     /// # Errors
-    /// `InvalidOption` for a box that is none, or that misses the field's, and `Usage` for a model
+    /// `InvalidOption` for an empty box or one that misses the field's, and `Usage` for a model
     /// with rules of its own.
     pub fn crop(&mut self, crop: &Bounds) -> Result<()> {
         if self.is_model() {
@@ -179,7 +179,7 @@ impl Renderer {
         &self.view
     }
 
-    /// Levels, finest first; those that a prefix of a container lacks count.
+    /// Number of levels, including those that a prefix of a container lacks.
     pub fn level_count(&self) -> usize {
         match &self.content {
             Content::Values(lanes) => with_values!(lanes, values => values.levels()),

@@ -23,7 +23,7 @@ impl<'a> Node<'a> {
     /// The root of a document, whose whole syntax is checked.
     pub fn document(text: &'a str) -> Result<Self> {
         let raw = serde_json::from_str(text).map_err(|error| {
-            let found = format!("text that is no JSON: {error}");
+            let found = format!("text that is not JSON: {error}");
             Error::malformed(Place::Pointer(String::new()), found, "a JSON document")
         })?;
         Ok(Self { raw, pointer: String::new() })

@@ -44,7 +44,8 @@ pub fn document(asset: &Asset, root: &Members, fields: &Fields, report: &mut Rep
     }
     for (number, object) in fields.objects.iter().enumerate() {
         if !fields.users.iter().any(|user| user.field == number) {
-            let error = Error::malformed(object.place(), "a field that no node names", "a node");
+            let error =
+                Error::malformed(object.place(), "a field that no node refers to", "a node");
             report(Finding { code: Code::FieldUnused, error })?;
         }
     }

@@ -143,6 +143,6 @@ impl Removal<'_> {
 
 fn behind(number: usize, first: usize) -> Error {
     let place = Place::Pointer(format!("/bufferViews/{number}"));
-    let found = format!("buffer view {number} behind that of a radiance field, {first}");
-    Error::unsupported(place, found, "the containers of radiance fields behind all else")
+    let found = format!("buffer view {number} after that of a radiance field, {first}");
+    Error::unsupported(place, found, "the containers of radiance fields after everything else")
 }

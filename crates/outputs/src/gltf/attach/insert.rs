@@ -114,7 +114,11 @@ impl<'a> Insertion<'a> {
         self.list_extension()?;
         // By way of a value: numbers are then written as those of the container's metadata are.
         let mut value = serde_json::to_value(&field).map_err(|error| {
-            Error::malformed(Place::File, format!("numbers that are no JSON: {error}"), "finite")
+            Error::malformed(
+                Place::File,
+                format!("numbers that JSON cannot hold: {error}"),
+                "finite",
+            )
         })?;
         self.notes.add_to(&mut value);
         let own = self.document.child("extensions")?.child(EXTENSION)?;

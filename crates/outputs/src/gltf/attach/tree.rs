@@ -106,7 +106,7 @@ impl<'a> Tree<'a> {
     /// The text of the document.
     pub(super) fn text(&self) -> Result<String> {
         serde_json::to_string(self).map_err(|error| {
-            let found = format!("numbers that are no JSON: {error}");
+            let found = format!("numbers that JSON cannot hold: {error}");
             Error::malformed(Place::File, found, "finite numbers")
         })
     }
