@@ -5,7 +5,7 @@ mod direction;
 mod fill;
 mod importance;
 mod max_error;
-mod nested;
+pub mod nested;
 mod nested_edit;
 mod required;
 mod sweep;

@@ -4,5 +4,6 @@ mod attach;
 mod compare;
 mod gltf;
 mod mesh;
+mod mesh_world;
 mod render_plain;
 mod splat;

@@ -94,7 +94,7 @@ pub fn large_torch_ngp(bound: f64, seed: u64) -> SmallNgp {
     for cube in 0..=cubes {
         let is_full = |cell: usize| {
             let at = [cell % 128, cell / 128 % 128, cell / 128 / 128];
-            (at[0] / 16 + at[1] / 16 + at[2] / 16 + cube) % 3 == 0
+            (at[0] / 16 + at[1] / 16 + at[2] / 16 + cube).is_multiple_of(3)
         };
         let mut cells = vec![false; 128usize.pow(3)];
         for cell in 0..cells.len() {

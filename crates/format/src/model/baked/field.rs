@@ -58,9 +58,8 @@ impl BakedField {
         if number > 0 {
             (metadata.free_space, self.free_space) = (false, None);
         }
-        if !metadata.march.samples_within(&metadata.bounds) {
-            metadata.march.sampled = None;
-        }
+        let sampled = metadata.march.sampled.and_then(|sampled| sampled.common(&metadata.bounds));
+        metadata.march.sampled = sampled.filter(|sampled| *sampled != metadata.bounds);
         self
     }
 

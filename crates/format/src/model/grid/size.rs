@@ -90,6 +90,17 @@ impl Bounds {
         ))
     }
 
+    /// What two boxes have in common, if they meet.
+    pub fn common(&self, other: &Self) -> Option<Self> {
+        let mut common = *self;
+        let axes = common.min.iter_mut().zip(&mut common.max);
+        for ((min, max), (low, high)) in axes.zip(other.min.into_iter().zip(other.max)) {
+            (*min, *max) = (min.max(low), max.min(high));
+        }
+        let meets = common.min.iter().zip(&common.max).all(|(min, max)| min < max);
+        meets.then_some(common)
+    }
+
     /// Corners of a model's box must lie within this distance of 0, so that cameras around it are
     /// within a hundred times as much.
     pub const FARTHEST: f64 = 1e10;

@@ -6,7 +6,7 @@
 
 use super::blocks::keep_blocks;
 use super::crop::{check_meets, crop};
-use super::outermost::{common, drop_outermost};
+use super::outermost::drop_outermost;
 use crate::base::error::Result;
 use crate::model::baked::Metadata;
 use crate::model::grid::Bounds;
@@ -25,8 +25,8 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     let boxes = unpacked.metadata.boxes();
     let outermost = unpacked.metadata.outer_bounds();
     check_meets(asked, &outermost)?;
-    let within = common(asked, &outermost).unwrap_or(outermost);
-    let holds = |bounds: &&Bounds| common(&within, bounds) == Some(within);
+    let within = asked.common(&outermost).unwrap_or(outermost);
+    let holds = |bounds: &&Bounds| within.common(bounds) == Some(within);
     let holding = boxes.iter().position(|bounds| holds(&bounds)).unwrap_or(boxes.len() - 1);
     drop_outermost(unpacked, boxes.len() - 1 - holding)?;
     if holding == 0 {
@@ -39,7 +39,7 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     }
     let sampled = unpacked.metadata.march.sampled.unwrap_or(outermost);
     check_meets(&widened, &sampled)?;
-    let kept = common(&widened, &sampled).unwrap_or(sampled);
+    let kept = widened.common(&sampled).unwrap_or(sampled);
     unpacked.metadata.march.sampled = Some(kept);
     for part in 0..unpacked.levels.len() {
         let grid = unpacked.levels[part].table.grid();
@@ -69,9 +69,9 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
 fn widened(metadata: &Metadata, within: &Bounds, outermost: &Bounds) -> Bounds {
     let (inner, nodes) = (metadata.bounds, metadata.levels[0].dimensions);
     let mut widened = *within;
-    for axis in 0..3 {
+    for (axis, nodes) in nodes.into_iter().enumerate() {
         let from = f64::from(inner.min[axis]);
-        let spacing = (f64::from(inner.max[axis]) - from) / (nodes[axis] - 1) as f64;
+        let spacing = (f64::from(inner.max[axis]) - from) / (nodes - 1) as f64;
         let at = |world: f32| (f64::from(world) - from) / spacing;
         let low = from + (at(within.min[axis]) + ON_NODE).floor() * spacing;
         let high = from + (at(within.max[axis]) - ON_NODE).ceil() * spacing;

@@ -6,7 +6,6 @@
 
 use crate::base::error::{Error, Result};
 use crate::container::OtherChunk;
-use crate::model::grid::Bounds;
 use crate::unpacked::Unpacked;
 
 /// Drops the `count` outermost boxes.
@@ -34,7 +33,7 @@ pub fn drop_outermost(unpacked: &mut Unpacked, count: usize) -> Result<()> {
     metadata.shells.truncate(boxes);
     let outermost = metadata.outer_bounds();
     if let Some(sampled) = metadata.march.sampled {
-        let Some(common) = common(&sampled, &outermost) else {
+        let Some(common) = sampled.common(&outermost) else {
             let expected = "boxes that meet the part of the world that is sampled";
             return Err(Error::invalid_option("without_outermost", count.to_string(), expected));
         };
@@ -57,14 +56,4 @@ fn renumber(chunks: &mut Vec<OtherChunk>, new: impl Fn(usize) -> Option<usize>) 
         chunk.level = number;
         number.is_some()
     });
-}
-
-/// What two boxes have in common, if they meet.
-pub(super) fn common(a: &Bounds, b: &Bounds) -> Option<Bounds> {
-    let mut common = *a;
-    for axis in 0..3 {
-        common.min[axis] = a.min[axis].max(b.min[axis]);
-        common.max[axis] = a.max[axis].min(b.max[axis]);
-    }
-    (0..3).all(|axis| common.min[axis] < common.max[axis]).then_some(common)
 }

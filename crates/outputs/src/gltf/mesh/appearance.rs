@@ -26,8 +26,7 @@ const LEAST_OPACITY: f64 = 0.1;
 /// # Errors
 /// A field whose rules cannot be rendered.
 pub fn renderer(container: &Container) -> Result<Renderer> {
-    let inner = container.read()?.inner_box();
-    let mut field = Renderer::baked(&inner, container.limits())?;
+    let mut field = Renderer::of_container(container)?;
     let view = field.view_mut();
     // Rays start at surfaces, closer than any camera of the scene.
     (view.march.near, view.march.far, view.background) = (0.0, None, [0.0; 3]);

@@ -4,6 +4,7 @@ use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::baked::{BakedLevel, DensityDomain, Group, Metadata};
 use crate::model::field::FreeSpace;
+use crate::model::grid::Bounds;
 use crate::unpacked::fill_plane;
 
 /// Opacity over the thickness of a surface from which on a node is inside.
@@ -32,11 +33,13 @@ pub struct OpacityGrid {
 
 impl OpacityGrid {
     /// The nodes of a level; the means of several where there are more than `most` along an axis.
+    /// What lies more than a cell within `hollow` is empty, and is no cavity.
     pub fn of_level(
         metadata: &Metadata,
         level: usize,
         codes: &BakedLevel,
         free_space: Option<&FreeSpace>,
+        hollow: Option<&Bounds>,
         max_nodes: usize,
     ) -> Result<Self> {
         let level_metadata = &metadata.levels[level];
@@ -105,7 +108,7 @@ impl OpacityGrid {
         }
         let averaged = stride != [1; 3];
         let mut grid = Self { sizes, at, opacity, color, cell, averaged };
-        grid.fill_cavities();
+        grid.fill_cavities(hollow.map_or_else(Vec::new, |hollow| grid.within(hollow)));
         Ok(grid)
     }
 
@@ -114,12 +117,29 @@ impl OpacityGrid {
         [self.sizes[1] * self.sizes[2], self.sizes[2], 1]
     }
 
-    /// Makes empty nodes opaque that cannot be reached through empty nodes from the layer around.
-    fn fill_cavities(&mut self) {
+    /// The nodes more than a cell within a box.
+    fn within(&self, bounds: &Bounds) -> Vec<usize> {
+        let inside = |axis: usize| {
+            let ends = [bounds.min[axis], bounds.max[axis]].map(f64::from);
+            let deep = move |at: f64| at > ends[0] + self.cell && at < ends[1] - self.cell;
+            (0..self.sizes[axis]).filter(move |node| deep(self.at[axis][*node]))
+        };
+        let strides = self.strides();
+        let rows = inside(0).flat_map(|x| inside(1).map(move |y| (x, y)));
+        let node =
+            |(x, y): (usize, usize)| inside(2).map(move |z| x * strides[0] + y * strides[1] + z);
+        rows.flat_map(node).collect()
+    }
+
+    /// Makes empty nodes opaque that cannot be reached through empty nodes from the layer around, or
+    /// from the nodes of `hollow`, which become empty.
+    fn fill_cavities(&mut self, hollow: Vec<usize>) {
         let strides = self.strides();
         let mut reached = vec![false; self.opacity.len()];
-        let mut next = vec![0];
-        reached[0] = true;
+        let mut next = hollow;
+        next.iter().for_each(|node| self.opacity[*node] = 0.0);
+        next.push(0);
+        next.iter().for_each(|node| reached[*node] = true);
         while let Some(node) = next.pop() {
             for (stride, size) in strides.into_iter().zip(self.sizes) {
                 let along = node / stride % size;

@@ -29,6 +29,27 @@ pub(super) struct TriangleSoup {
 }
 
 impl TriangleSoup {
+    /// Adds those of another one.
+    pub(super) fn add(&mut self, other: &Self) {
+        let first = u32::try_from(self.positions.len()).unwrap_or(u32::MAX);
+        self.positions.extend(&other.positions);
+        self.colors.extend(&other.colors);
+        let moved = other.triangles.iter().map(|corners| corners.map(|corner| corner + first));
+        self.triangles.extend(moved);
+    }
+
+    /// Drops triangles whose middle lies within a box.
+    pub(super) fn drop_within(&mut self, bounds: &Bounds) {
+        let positions = &self.positions;
+        self.triangles.retain(|corners| {
+            let [a, b, c] = corners.map(|corner| positions[corner as usize]);
+            (0..3).any(|axis| {
+                let middle = (a[axis] + b[axis] + c[axis]) / 3.0;
+                middle < f64::from(bounds.min[axis]) || middle > f64::from(bounds.max[axis])
+            })
+        });
+    }
+
     /// Unit normals of the vertices, outwards: means over their triangles by area. Along z where
     /// they cancel.
     pub(super) fn normals(&self) -> Vec<[f64; 3]> {
