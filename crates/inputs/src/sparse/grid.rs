@@ -134,6 +134,10 @@ impl NodeValues for RowGrid {
         Ok(())
     }
 
+    fn release(&self) {
+        self.slabs.release();
+    }
+
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let [nx, ny, nz] = self.index.nodes().0;
         let Nodes([_, _, outer_nz]) = self.nodes();

@@ -94,6 +94,11 @@ impl Slabs {
         KEPT_BYTES.max(2 * slab).min(plane_bytes * index.nodes().0[0] as u64) + slab
     }
 
+    /// Forgets all that is kept.
+    pub(super) fn release(&self) {
+        lock(&self.kept).clear();
+    }
+
     /// Calls `take` with plane `x`, and returns the bytes that were read for it.
     pub(super) fn with_plane(
         &self,

@@ -152,6 +152,11 @@ impl NodeValues for BoxColors {
         self.file.load().map(drop)
     }
 
+    fn release(&self) {
+        lock(&self.means).clear();
+        lock(&self.sharpened).clear();
+    }
+
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let plane = self.plane(x)?;
         let nz = self.plan.nodes;

@@ -204,6 +204,10 @@ impl NodeValues for WithInner {
         self.grid.prepare(progress)
     }
 
+    fn release(&self) {
+        self.grid.release();
+    }
+
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let [xs, ys, zs] = [0, 1, 2].map(|axis| within(&self.lattice, &self.inner.bounds, axis));
         let Nodes([_, ny, nz]) = self.lattice.nodes;

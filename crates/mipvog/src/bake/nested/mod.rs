@@ -42,7 +42,7 @@ use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::container::{self, Head};
 use crate::model::baked::Blend;
-use crate::model::field::RadianceField;
+use crate::model::field::{Grid, RadianceField};
 use crate::model::grid::Bounds;
 
 /// Bakes a field with shells into `output`; see [`super::run::bake`].
@@ -128,6 +128,8 @@ impl World<'_> {
             options.memory = options.memory.map(|memory| memory.saturating_sub(held));
             let smaller = number.checked_sub(1).map(|smaller| self.bounds_of(smaller));
             let packed = self.pack_box(&own, &options, smaller, levels, precision)?;
+            // Planes of this box are not read beside those of the next one.
+            [&own.density].into_iter().chain(&own.color).for_each(Grid::release);
             if number + 1 < count {
                 let bounds = own.scene.bounds;
                 let level = InnerLevel::new(&packed.0, &packed.1, bounds)?;

@@ -43,6 +43,10 @@ pub trait NodeValues: Debug + Send + Sync {
     /// # Errors
     /// Those of reading.
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64>;
+
+    /// Gives back the planes that are kept for readers of their neighbours: nobody reads more for
+    /// now.
+    fn release(&self) {}
 }
 
 /// Channels of a trained field.
@@ -87,6 +91,13 @@ impl Grid {
         match self {
             Self::Array(_) => Ok(()),
             Self::Values(values) => values.prepare(progress),
+        }
+    }
+
+    /// Gives back what is kept for the next reader; see [`NodeValues::release`].
+    pub fn release(&self) {
+        if let Self::Values(values) = self {
+            values.release();
         }
     }
 
