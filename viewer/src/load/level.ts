@@ -137,7 +137,9 @@ export class LevelDecoder {
   share(from: number, to: number): Chunks {
     const end = this.blocks.reach(to);
     const { name, bytes } = this.chunks.TABL;
-    const groups = this.groups.map((group) => [group.kind, { name: group.name, bytes: group.share(from, end) }]);
+    // What can be seen of a block's last cells is told by nodes of the next ones.
+    const endOf = (kind: string) => (kind === "DENS" || kind === "ANIS" ? end : to);
+    const groups = this.groups.map((group) => [group.kind, { name: group.name, bytes: group.share(from, endOf(group.kind)) }]);
     return { TABL: { name, bytes: bytes.slice() }, ...Object.fromEntries(groups) };
   }
 
