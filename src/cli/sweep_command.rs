@@ -39,7 +39,9 @@ fn kept<A: Args>(typed: &[OsString]) -> Vec<OsString> {
     while let Some(word) = words.next() {
         if let Some(takes_value) = find(word) {
             found.push(word.clone());
-            found.extend(words.next().filter(|_| takes_value).cloned());
+            if takes_value {
+                found.extend(words.next().cloned());
+            }
         }
     }
     found
