@@ -104,8 +104,9 @@ export class StreamedField {
   private readonly worker = new Decoder();
   /** Workers that help the first to decode. */
   private readonly helpers: Decoder[] = [];
-  /** How often levels were asked for again. */
+  /** How often levels were asked for again, and how many of these times are not answered. */
   private round = 0;
+  private unanswered = 0;
   private failure: FieldError | null = null;
   /** Keeps the promises, or breaks those that are not kept yet. */
   private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: unknown) => void };
@@ -125,6 +126,7 @@ export class StreamedField {
     this.worker.onerror = (error) => {
       this.terminate();
       this.atlases.forEach((atlas) => atlas.expectNothing());
+      this.unanswered = 0;
       this.fail(error);
     };
     this.worker.onmessage = (reply) => {
@@ -223,6 +225,9 @@ export class StreamedField {
       this.freeShare ??= reply.entry.free;
       for (const atlas of this.wanting(reply.round)) atlas.finish(reply.entry);
       this.tell("change", {});
+    } else if (reply.kind === "again") {
+      this.unanswered = Math.max(0, this.unanswered - 1);
+      this.tell("change", {});
     } else if (reply.kind === "residents") {
       this.held = [reply.held, reply.known];
       if (!reply.isAnswer) return;
@@ -258,7 +263,7 @@ export class StreamedField {
 
   /** Whether a level's bytes are there and are being decoded, or blocks near the camera. */
   get decoding(): boolean {
-    return this.isLooking || this.atlases.some((atlas) => atlas.decoding);
+    return this.isLooking || this.unanswered > 0 || this.atlases.some((atlas) => atlas.decoding);
   }
 
   /** What the field takes of each device's memory; null until it is opened. */
@@ -321,6 +326,7 @@ export class StreamedField {
     const before = atlas.entered;
     if (!atlas.upload(device)) {
       this.round++;
+      this.unanswered++;
       this.worker.post({ kind: "again" });
     }
     const isChanged = atlas.entered !== before;

@@ -30,7 +30,7 @@ after(async () => {
 });
 
 function wrong(): string[] {
-  return problems.splice(0).filter((problem) => !problem.includes("GPU stall due to ReadPixels"));
+  return problems.splice(0);
 }
 
 const green = ({ pixels }: Picture) => pixels.filter((value, at) => at % 4 === 1 && value > 250 && pixels[at - 1] < 5).length;

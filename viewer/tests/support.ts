@@ -190,6 +190,8 @@ export async function newPage(browser: Browser, size = { width: 400, height: 300
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));
   page.on("console", (message) => {
+    // Browsers warn of slowness where tests read pixels.
+    if (message.text().includes("GPU stall due to ReadPixels")) return;
     if (["error", "warning"].includes(message.type())) problems.push(`${message.type()}: ${message.text()}`);
   });
   return { page, problems };

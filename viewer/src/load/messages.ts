@@ -31,5 +31,7 @@ export type Reply =
   | { kind: "part"; part: DecodedPart; round: number }
   | { kind: "entry"; entry: LevelEntry; round: number }
   | { kind: "residents"; held: number; known: number; isAnswer: boolean }
+  /** What was asked for again has come. */
+  | { kind: "again" }
   | { kind: "done" }
   | { kind: "failed"; message: string; remedy: string };

@@ -45,6 +45,7 @@ port.onmessage = async ({ data }) => {
       help(data.port);
     } else {
       await loader?.again();
+      port.postMessage({ kind: "again" });
     }
   } catch (error) {
     const { message, remedy } = error instanceof FieldError ? error : new FieldError(unexpected(error), REMEDY.device);
