@@ -21,6 +21,7 @@ MODELS = {
     "DirectVoxGO with TensoRFGrid": ["grids/dvgo_tensorf_grid.tar"],
     "DirectVoxGO, unbounded": ["worlds/dvgo_unbounded.tar", "--resolution", "65"],
     "Plenoxels": ["grids/plenoxels_cubic.npz"],
+    "Plenoxels, background spheres": ["grids/plenoxels_spheres.npz"],
     "PlenOctrees": ["grids/plenoctree.npz"],
     "TensoRF, VM, network": ["grids/tensorf_vm.th"],
     "TensoRF, CP, network": ["grids/tensorf_cp.th"],

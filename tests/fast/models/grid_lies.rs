@@ -12,7 +12,7 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
     for make in SMALL_GRIDS {
         used(&make()).expect("sound");
     }
-    let lies: [LieCase; 17] = [
+    let lies: [LieCase; 24] = [
         (grids::plenoxels, "a link beyond the rows", |grid| {
             if let Values::I32(links) = &mut grid.array("links").2 {
                 links[4] = 30;
@@ -37,6 +37,32 @@ fn small_models_of_every_kind_are_read_and_lies_are_refused() {
         }),
         (grids::plenoxels, "a texture as basis", |grid| {
             grid.arrays.push(("basis_type", Vec::new(), Values::I32(vec![4])));
+        }),
+        (grids::spheres, "a link beyond the rows", |grid| {
+            if let Values::I32(links) = &mut grid.array("background_links").2 {
+                links[4] = 12;
+            }
+        }),
+        (grids::spheres, "directions without links", |grid| {
+            grid.arrays.retain(|array| array.0 != "background_links");
+        }),
+        (grids::spheres, "directions that are no sphere", |grid| {
+            grid.array("background_links").1 = vec![3, 6];
+        }),
+        (grids::spheres, "a single layer", |grid| {
+            grid.array("background_data").1 = vec![48, 1, 4];
+        }),
+        (grids::spheres, "colours without density", |grid| {
+            grid.array("background_data").1 = vec![16, 4, 3];
+        }),
+        (grids::spheres, "a background that is no number", |grid| {
+            if let Values::F32(values) = &mut grid.array("background_data").2 {
+                values[7] = f32::INFINITY;
+            }
+        }),
+        (grids::lightning_spheres, "scales of other layers", |grid| {
+            *grid.array("model.background_data_min") =
+                ("model.background_data_min", vec![4], Values::F32(vec![0.0; 4]));
         }),
         (grids::lightning, "a cell beyond any grid", |grid| {
             *grid.array("state_dict.model.links_idx") =

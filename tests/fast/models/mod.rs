@@ -16,6 +16,7 @@ mod shown;
 mod small_models;
 mod snerg;
 mod source;
+mod spheres;
 mod svraster;
 mod tensor;
 mod worlds;

@@ -32,8 +32,17 @@ pub struct SmallGrid {
 }
 
 /// One of each kind.
-pub const SMALL_GRIDS: [fn() -> SmallGrid; 7] =
-    [plenoxels, lightning, sampled, sampled_blocks, plenoctree, gaussians, quantized];
+pub const SMALL_GRIDS: [fn() -> SmallGrid; 9] = [
+    plenoxels,
+    spheres,
+    lightning,
+    lightning_spheres,
+    sampled,
+    sampled_blocks,
+    plenoctree,
+    gaussians,
+    quantized,
+];
 
 fn random(seed: u64, count: usize, low: f32, high: f32) -> Values {
     let mut random = Random::new(seed);
@@ -55,6 +64,17 @@ pub fn plenoxels() -> SmallGrid {
     }
 }
 
+/// The same with four layers of background around 6 x 3 directions, every third of which is empty.
+pub fn spheres() -> SmallGrid {
+    let links = (0..18).map(|link| if link % 3 == 2 { -1 } else { link / 3 * 2 + link % 3 });
+    let mut grid = plenoxels();
+    grid.arrays.extend([
+        ("background_links", vec![6, 3], Values::I32(links.collect())),
+        ("background_data", vec![12, 4, 4], random(5, 192, -2.0, 20.0)),
+    ]);
+    grid
+}
+
 /// The rows of [`plenoxels`] as PeRFception's checkpoints hold them, in 16 x 16 x 16 cells.
 pub fn lightning() -> SmallGrid {
     let mut random = Random::new(12);
@@ -70,6 +90,22 @@ pub fn lightning() -> SmallGrid {
         ],
         settings: Vec::new(),
     }
+}
+
+/// The same with the background of [`spheres`], quantized.
+pub fn lightning_spheres() -> SmallGrid {
+    let mut random = Random::new(13);
+    let codes = (0..192).map(|_| random.below(256) as u8).collect();
+    let mut grid = lightning();
+    let links = spheres().arrays.into_iter().find(|array| array.0 == "background_links");
+    let (_, shape, values) = links.expect("links");
+    grid.arrays.extend([
+        ("state_dict.model.background_links", shape, values),
+        ("state_dict.model.background_data", vec![12, 4, 4], Values::U8(codes)),
+        ("model.background_data_min", vec![1, 4, 4], Values::F32(vec![-2.0; 16])),
+        ("model.background_data_scale", vec![1, 4, 4], Values::F32(vec![0.0625; 16])),
+    ]);
+    grid
 }
 
 /// 5 x 4 x 3 nodes of sampled arrays.

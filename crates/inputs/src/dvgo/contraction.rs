@@ -59,7 +59,7 @@ impl Contraction {
 
     /// The inner box.
     pub(super) fn middle(&self) -> Middle {
-        Middle { center: self.inner.center, radius: self.inner.radius }
+        Middle { center: self.inner.center, radius: [self.inner.radius; 3] }
     }
 
     /// Half the edge of the inner box.

@@ -96,10 +96,11 @@ impl WorldFile {
         let middle = self.contraction.middle();
         let (mut scale, mut shift) = (mask.scale, mask.shift);
         let mut counts = [0; 3];
-        let corners = first.bounds.min.into_iter().zip(first.bounds.max).zip(middle.center);
+        let middles = middle.center.into_iter().zip(middle.radius);
+        let corners = first.bounds.min.into_iter().zip(first.bounds.max).zip(middles);
         let axes = scale.iter_mut().zip(&mut shift).zip(&mut counts).zip(corners);
-        for (((scale, shift), count), ((min, max), center)) in axes {
-            *scale /= middle.radius;
+        for (((scale, shift), count), ((min, max), (center, radius))) in axes {
+            *scale /= radius;
             *shift -= center * *scale;
             let ends = [min, max].map(|at| libm::rint(f64::from(at) * *scale + *shift));
             let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];

@@ -54,7 +54,7 @@ fn whole(
     limits: &Limits,
 ) -> Result<Source> {
     let voxel = assets.parameters.voxel_size();
-    let middle = Middle { center: [0.0; 3], radius: 1.0 };
+    let middle = Middle { center: [0.0; 3], radius: [1.0; 3] };
     // The last voxel of contracted space begins there.
     let extent = options.extent.map_or(1.0 / voxel, f64::from);
     let first = match options.resolution {

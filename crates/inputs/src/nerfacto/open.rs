@@ -159,7 +159,7 @@ fn plan(
         let counts = extent.map(|edge| libm::ceil(edge / longest * cells).max(1.0) as u64 + 1);
         return Ok(vec![Lattice::new(bounds, Nodes::checked(counts, limits, &place)?)]);
     }
-    let middle = Middle { center: [0.0; 3], radius: 1.0 };
+    let middle = Middle { center: [0.0; 3], radius: [1.0; 3] };
     let extent = match is_whole {
         true => options.extent.map_or_else(|| reach(model, nodes), f64::from),
         false => 1.0,

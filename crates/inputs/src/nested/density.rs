@@ -9,7 +9,7 @@ use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent};
 use crate::lazy::Lazy;
 use crate::model::activate;
-use crate::model::field::{Lattice, NodeValues, Scene};
+use crate::model::field::{DensityFunction, Lattice, NodeValues, Scene};
 use crate::model::grid::{Nodes, row};
 use crate::network::{PlaneCache, visit};
 
@@ -32,11 +32,12 @@ pub struct SampledDensity<W> {
     planes: PlaneCache,
 }
 
-/// Optical depths per world unit as raw densities of a softplus.
+/// Optical depths per world unit as raw densities.
 #[derive(Debug, Clone, Copy)]
 struct RawDensity {
+    function: DensityFunction,
     shift: f64,
-    /// Softplus of a raw density for an optical depth of 1 per world unit.
+    /// What the function makes of a raw density, for an optical depth of 1 per world unit.
     per_unit: f64,
     /// Optical depths per world unit are cut off here.
     densest: f64,
@@ -46,8 +47,14 @@ struct RawDensity {
 impl RawDensity {
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn of(self, density: f64) -> f32 {
-        let raw = activate::inverse_softplus(density.min(self.densest) * self.per_unit);
-        (raw - self.shift).max(self.empty.into()) as f32
+        let value = density.min(self.densest) * self.per_unit;
+        match self.function {
+            DensityFunction::Softplus => {
+                let raw = activate::inverse_softplus(value) - self.shift;
+                raw.max(self.empty.into()) as f32
+            }
+            DensityFunction::Relu => value as f32,
+        }
     }
 }
 
@@ -57,6 +64,7 @@ impl<W: World> SampledDensity<W> {
         let activation = &scene.activation;
         let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
         let raw = RawDensity {
+            function: activation.function,
             shift: f64::from(activation.shift),
             per_unit: scene.march.interval_length() / f64::from(activation.interval),
             densest: OPAQUE / spacing,

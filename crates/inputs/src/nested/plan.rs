@@ -12,13 +12,13 @@ const MOST_BOXES: usize = 30;
 /// Boxes may end this share before what they are meant to hold.
 const ROUNDED: f64 = 1e-3;
 
-/// The middle of an inner box and half its edge.
+/// The middle of an inner box and half its edges.
 #[derive(Debug, Clone, Copy)]
 pub struct Middle {
     /// In the world.
     pub center: [f64; 3],
-    /// In world units.
-    pub radius: f64,
+    /// Along each axis, in world units.
+    pub radius: [f64; 3],
 }
 
 /// The first box, around nodes that a model has: the lowest one at `lowest`, and the next ones
@@ -58,8 +58,9 @@ fn lattice(middle: Middle, first: [f64; 3], spacing: [f64; 3], nodes: [usize; 3]
     let Middle { center, radius } = middle;
     let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
     let faces = bounds.min.iter_mut().zip(&mut bounds.max);
-    let axes = faces.zip(center).zip(first).zip(spacing.into_iter().zip(nodes));
-    for ((((min, max), center), first), (spacing, nodes)) in axes {
+    let middles = center.into_iter().zip(radius);
+    let axes = faces.zip(middles).zip(first).zip(spacing.into_iter().zip(nodes));
+    for ((((min, max), (center, radius)), first), (spacing, nodes)) in axes {
         *min = (center + radius * first) as f32;
         *max = (center + radius * (first + (nodes - 1) as f64 * spacing)) as f32;
     }
@@ -82,11 +83,14 @@ pub fn boxes(
     loop {
         Nodes::checked(last.nodes.0.map(|count| count as u64), limits, place)?;
         last.bounds.check_model(place)?;
-        let axes = last.bounds.min.into_iter().zip(last.bounds.max).zip(middle.center);
+        let middles = middle.center.into_iter().zip(middle.radius);
+        let axes = last.bounds.min.into_iter().zip(last.bounds.max).zip(middles);
         let reached = axes
-            .map(|((min, max), center)| (f64::from(max) - center).min(center - f64::from(min)))
+            .map(|((min, max), (center, radius))| {
+                (f64::from(max) - center).min(center - f64::from(min)) / radius
+            })
             .fold(f64::INFINITY, f64::min);
-        if reached >= extent * middle.radius * (1.0 - ROUNDED) {
+        if reached >= extent * (1.0 - ROUNDED) {
             return Ok(found);
         }
         let next = last.doubled();
@@ -106,7 +110,7 @@ pub fn boxes(
 mod tests {
     use super::*;
 
-    const MIDDLE: Middle = Middle { center: [0.5, -1.0, 2.0], radius: 1.5 };
+    const MIDDLE: Middle = Middle { center: [0.5, -1.0, 2.0], radius: [1.5; 3] };
 
     #[test]
     fn nodes_of_the_first_box_are_those_of_the_model() {
@@ -117,13 +121,13 @@ mod tests {
                 assert_eq!(first.nodes.0[axis] % 2, 1);
                 let node = |at: usize| {
                     let [x, ..] = first.position([at; 3]);
-                    ((x - MIDDLE.center[0]) / MIDDLE.radius + 1.2) / spacing
+                    ((x - MIDDLE.center[0]) / MIDDLE.radius[0] + 1.2) / spacing
                 };
                 for at in 0..first.nodes.0[axis] {
                     assert!((node(at) - node(at).round()).abs() < 1e-4, "{count}: {}", node(at));
                 }
             }
-            let reach = f64::from(first.bounds.max[0] - first.bounds.min[0]) / MIDDLE.radius;
+            let reach = f64::from(first.bounds.max[0] - first.bounds.min[0]) / MIDDLE.radius[0];
             assert!((4.0 * (1.0 - ROUNDED)..4.0 + 3.0 * spacing).contains(&reach), "{reach}");
         }
     }

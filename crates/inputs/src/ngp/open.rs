@@ -193,7 +193,8 @@ fn shells(
     let center = model.frame.offset.map(|offset| (0.5 - offset) / model.frame.scale);
     let extent = options.extent.map_or(model.span, f64::from).min(model.span);
     let place = Place::Key("snapshot.nerf.aabb_scale".to_owned());
-    let lattices = nested::boxes(first, Middle { center, radius }, extent, limits, &place)?;
+    let lattices =
+        nested::boxes(first, Middle { center, radius: [radius; 3] }, extent, limits, &place)?;
     let world = Arc::new(NgpWorld(Arc::clone(model)));
     let around = lattices.get(1..).unwrap_or_default();
     Ok(nested::shells(&world, field, around, first.bounds, colors, limits))

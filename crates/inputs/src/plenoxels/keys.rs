@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::arrays::Arrays;
 use super::lightning;
+use super::spheres::SphereFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::options::SourceOptions;
@@ -31,17 +32,11 @@ pub fn takes_resolution(file: &TensorFile) -> bool {
 pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Arrays> {
     let root = &file.root;
     refuse_basis(root)?;
-    refuse_background(file, options.drop_background)?;
     if lightning::knows(file) {
         let arrays = lightning::find(file, options.resolution, limits)?;
         return arrays.checked(&Place::Tensor("model.sh_data".to_owned()));
     }
-    let tensor = |key: &str| -> Result<&Tensor> {
-        root.get(key).and_then(Value::tensor).ok_or_else(|| {
-            let place = Place::Tensor(key.to_owned());
-            Error::malformed(place, "no such array", "an array of svox2's Plenoxels")
-        })
-    };
+    let tensor = |key: &str| tensor(root, key);
     let (density, color, columns) = match root.get("data") {
         Some(_) => {
             let data = Arc::new(rows(tensor("data")?, limits)?);
@@ -76,23 +71,29 @@ pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     arrays.checked(&Place::Tensor(name.to_owned()))
 }
 
-/// True for files with spheres behind the box.
-pub(super) fn has_background(file: &TensorFile) -> bool {
-    let root = &file.root;
-    let states = ["background_data", "model.background_data"];
-    let nested = root.get("state_dict").is_some_and(|state| state.get(states[1]).is_some());
-    nested || states.iter().any(|key| root.get(key).is_some())
+/// The spheres behind the box, if there are any.
+///
+/// # Errors
+/// Those of [`SphereFile::new`], and `Malformed` for values without links.
+pub(super) fn spheres(file: &TensorFile, limits: &Limits) -> Result<Option<Arc<SphereFile>>> {
+    if lightning::knows(file) {
+        return lightning::spheres(file, limits);
+    }
+    let Some(data) = file.root.get("background_data").and_then(Value::tensor) else {
+        return Ok(None);
+    };
+    let links = tensor(&file.root, "background_links")?;
+    let spheres =
+        SphereFile::new(links, data, limits, |data, width| RowArray::new(data, width, limits))?;
+    Ok(Some(Arc::new(spheres)))
 }
 
-/// Refuses spheres behind the box unless they are to be dropped.
-fn refuse_background(file: &TensorFile, drop_background: bool) -> Result<()> {
-    if drop_background || !has_background(file) {
-        return Ok(());
-    }
-    let found = "background spheres, which containers cannot hold";
-    let place = Place::Tensor("background_data".to_owned());
-    let expected = "none, or option --drop-background, which bakes only the box";
-    Err(Error::unsupported(place, found, expected))
+/// An array by its key.
+fn tensor<'a>(root: &'a Value, key: &str) -> Result<&'a Tensor> {
+    root.get(key).and_then(Value::tensor).ok_or_else(|| {
+        let place = Place::Tensor(key.to_owned());
+        Error::malformed(place, "no such array", "an array of svox2's Plenoxels")
+    })
 }
 
 /// The rows of `[n, width]`, or of `[n]`.

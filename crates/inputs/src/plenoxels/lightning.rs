@@ -5,7 +5,8 @@
 //! | `state_dict.model.links_idx` | for each row the number of its cell, z fastest |
 //! | `state_dict.model.density_data` | density, as floats or as uint8 |
 //! | `state_dict.model.sh_data` | coefficients, uint8: a value is `q * scale + min` by column |
-//! | `model.sh_data_min`, `model.sh_data_scale` | and the same of `density_data` where it is uint8 |
+//! | `state_dict.model.background_links`, `.background_data` | spheres behind the box, likewise |
+//! | `model.sh_data_min`, `model.sh_data_scale` | and the same of other arrays where they are uint8 |
 //!
 //! No file states the cells along an axis, which are the same for all axes. Without an option they
 //! are the least power of 2 that holds all cells, and that is said.
@@ -13,6 +14,7 @@
 use std::sync::Arc;
 
 use super::arrays::Arrays;
+use super::spheres::SphereFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::model::grid::{Element, Nodes};
@@ -36,16 +38,62 @@ pub(super) fn knows(file: &TensorFile) -> bool {
     value(file, "model.links_idx").is_some() && value(file, "model.sh_data").is_some()
 }
 
+/// An array by its key.
+fn tensor<'a>(file: &'a TensorFile, key: &str) -> Result<&'a Tensor> {
+    value(file, key).and_then(Value::tensor).ok_or_else(|| {
+        let place = Place::Tensor(key.to_owned());
+        Error::malformed(place, "no such array", "an array of PeRFception's Plenoxels")
+    })
+}
+
+/// Rows of `width` numbers, quantized or not.
+fn rows(file: &TensorFile, data: &Tensor, width: usize, limits: &Limits) -> Result<RowArray> {
+    match data.element() {
+        Element::U8 => {}
+        Element::I8 | Element::I16 | Element::U16 | Element::I32 | Element::I64 => {
+            let found = format!("quantized numbers as {}", data.element().name());
+            let error = Error::unsupported(data.place(), found, "uint8, or floats");
+            return Err(error.advise("save the scene with 8 bits, or without quantization"));
+        }
+        _ => return RowArray::new(data, width, limits),
+    }
+    let name = data.name().trim_start_matches(STATE).trim_start_matches('.');
+    let column = |name: String| -> Result<Vec<f32>> {
+        let found = tensor(file, &name)?;
+        let values = found.read_f32(&mut Budget::new(limits))?;
+        match values.len() {
+            1 => Ok(vec![values.first().copied().unwrap_or(0.0); width]),
+            count if count == width => Ok(values),
+            count => {
+                let expected = format!("one for each of {width} columns");
+                Err(Error::malformed(found.place(), format!("{count} numbers"), expected))
+            }
+        }
+    };
+    let factors = column(format!("{name}_scale"))?;
+    let addends = column(format!("{name}_min"))?;
+    let scales = factors.into_iter().zip(addends).map(|(factor, addend)| [factor, addend]);
+    RowArray::quantized(data, scales.collect(), limits)
+}
+
+/// The spheres behind the box, if there are any.
+pub(super) fn spheres(file: &TensorFile, limits: &Limits) -> Result<Option<Arc<SphereFile>>> {
+    let Some(data) = value(file, "model.background_data").and_then(Value::tensor) else {
+        return Ok(None);
+    };
+    // A scene without spheres has an array without layers.
+    if data.count() == 0 {
+        return Ok(None);
+    }
+    let links = tensor(file, "model.background_links")?;
+    let rows = |data: &Tensor, width| rows(file, data, width, limits);
+    Ok(Some(Arc::new(SphereFile::new(links, data, limits, rows)?)))
+}
+
 /// Finds the arrays, and reads the cells of all rows.
 pub(super) fn find(file: &TensorFile, side: Option<usize>, limits: &Limits) -> Result<Arrays> {
-    let tensor = |key: &str| -> Result<&Tensor> {
-        value(file, key).and_then(Value::tensor).ok_or_else(|| {
-            let place = Place::Tensor(key.to_owned());
-            Error::malformed(place, "no such array", "an array of PeRFception's Plenoxels")
-        })
-    };
     let rows = |name: &str| -> Result<RowArray> {
-        let data = tensor(&format!("model.{name}"))?;
+        let data = tensor(file, &format!("model.{name}"))?;
         let width = match data.shape() {
             &[_] => 1,
             &[_, width @ 1..=64] => usize::try_from(width).unwrap_or(0),
@@ -54,34 +102,10 @@ pub(super) fn find(file: &TensorFile, side: Option<usize>, limits: &Limits) -> R
                 return Err(Error::malformed(data.place(), found, "[rows, at most 64 numbers]"));
             }
         };
-        match data.element() {
-            Element::U8 => {}
-            Element::I8 | Element::I16 | Element::U16 | Element::I32 | Element::I64 => {
-                let found = format!("quantized numbers as {}", data.element().name());
-                let error = Error::unsupported(data.place(), found, "uint8, or floats");
-                return Err(error.advise("save the scene with 8 bits, or without quantization"));
-            }
-            _ => return RowArray::new(data, width, limits),
-        }
-        let column = |name: String| -> Result<Vec<f32>> {
-            let found = tensor(&name)?;
-            let values = found.read_f32(&mut Budget::new(limits))?;
-            match values.len() {
-                1 => Ok(vec![values.first().copied().unwrap_or(0.0); width]),
-                count if count == width => Ok(values),
-                count => {
-                    let expected = format!("one for each of {width} columns");
-                    Err(Error::malformed(found.place(), format!("{count} numbers"), expected))
-                }
-            }
-        };
-        let factors = column(format!("model.{name}_scale"))?;
-        let addends = column(format!("model.{name}_min"))?;
-        let scales = factors.into_iter().zip(addends).map(|(factor, addend)| [factor, addend]);
-        RowArray::quantized(data, scales.collect(), limits)
+        rows(file, data, width, limits)
     };
     let (density, color) = (Arc::new(rows("density_data")?), Arc::new(rows("sh_data")?));
-    let links = tensor("model.links_idx")?;
+    let links = tensor(file, "model.links_idx")?;
     let cells = Cells::read(links, side, limits)?;
     if cells.rows.len() as u64 != density.rows() {
         let found = format!("{} cells", cells.rows.len());

@@ -8,7 +8,7 @@
 //! | `sh_data` | `[n, 3 B]` | harmonics: `B` of red, then of green, then of blue |
 //! | `data` | `[n, 1 + 3 B]` | in place of both, in older files |
 //! | `basis_type` | | 1, harmonics; all other bases are refused |
-//! | `background_data` | | spheres behind the box, refused unless they are to be dropped |
+//! | `background_links`, `background_data` | | spheres behind the box: see `spheres` |
 //!
 //! PeRFception's checkpoints hold the same in other keys: see `lightning`.
 //!
@@ -22,6 +22,9 @@
 //! a step depends on the ray's direction. The field states the voxel's three edges
 //! ([`March::voxel`](crate::model::field::March::voxel)), and a container has them too.
 //!
+//! **Spheres behind the box** make a whole scene: [nested boxes](crate::nested), of which the first one
+//! is the box of the model with its own values. See `world`.
+//!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of the
 //! renderer `cuvol`: samples from the face of the outermost cells on, colours cut at 0 at each
 //! sample, no upper limit, an end at a transmittance of `stop_thresh`.
@@ -30,10 +33,15 @@
 
 mod arguments;
 mod arrays;
+mod background;
 mod keys;
 mod lightning;
 mod model;
+mod nodes;
 mod open;
+mod spheres;
+mod whole;
+mod world;
 
 pub use keys::{knows, takes_resolution};
 pub use open::open_tensors;

@@ -11,14 +11,16 @@ use std::sync::Arc;
 
 use super::arguments::RunArguments;
 use super::arrays::Arrays;
+use super::background::add_spheres;
+use super::spheres::{SphereFile, SpherePoint, SphereSpace, Spheres, Viewers};
 use crate::base::error::Result;
-use crate::base::limits::{Budget, Limits};
+use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::model::camera::Ray;
 use crate::model::harmonics::Harmonics;
 use crate::model::ray_march::{DepthComposite, unit_direction};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
-use crate::sparse::{ColoredRows, LoadedRows};
+use crate::sparse::ColoredRows;
 
 /// The length of a last sample that hides all behind it.
 const OPAQUE_LENGTH: f64 = 1e9;
@@ -29,22 +31,21 @@ pub(super) struct PlenoxelsFile {
     pub(super) arrays: Arrays,
     pub(super) run: RunArguments,
     pub(super) harmonics: Harmonics,
+    /// Behind the box.
+    pub(super) spheres: Option<(Arc<SphereFile>, SphereSpace)>,
 }
 
 impl LoadModel for PlenoxelsFile {
     fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>> {
         let arrays = &self.arrays;
-        let [density, color] = arrays.columns;
-        let files = match Arc::ptr_eq(&arrays.density, &arrays.color) {
-            true => vec![&*arrays.density],
-            false => vec![&*arrays.density, &*arrays.color],
-        };
-        let mut budget = Budget::new(limits);
-        let rows = LoadedRows::load(&arrays.index, &files, density, color, &mut budget)?;
+        let rows = arrays.load(limits)?;
         let (lattice, stored) = (arrays.cells.lattice(), arrays.functions);
-        let (run, harmonics) = (self.run.clone(), self.harmonics);
-        let harmonics = Some(harmonics);
-        Ok(Box::new(Plenoxels { colored: ColoredRows { rows, lattice, stored, harmonics }, run }))
+        let colored = ColoredRows { rows, lattice, stored, harmonics: Some(self.harmonics) };
+        let spheres = match &self.spheres {
+            Some((file, space)) => Some((file.load()?, *space)),
+            None => None,
+        };
+        Ok(Box::new(Plenoxels { colored, spheres, run: self.run.clone() }))
     }
 }
 
@@ -53,6 +54,7 @@ impl LoadModel for PlenoxelsFile {
 struct Plenoxels {
     /// Rows at the centres of cells.
     colored: ColoredRows,
+    spheres: Option<(Arc<Spheres>, SphereSpace)>,
     run: RunArguments,
 }
 
@@ -79,16 +81,46 @@ impl TrainedModel for Plenoxels {
                 true
             });
         }
+        if let Some((spheres, space)) = &self.spheres
+            && light.depth.is_finite()
+        {
+            let rules = [self.run.step_size, self.run.stop_thresh];
+            add_spheres(&mut light, ray, (spheres, space), rules, progress);
+        }
         light.over_background(rules)
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn density(&self, position: [f64; 3]) -> f32 {
-        let sigma = self.colored.density(position);
-        if sigma > self.run.sigma_thresh { sigma as f32 } else { 0.0 }
+        (self.own_density(position) + self.behind(position).density) as f32
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
     fn colors(&self, position: [f64; 3], directions: &[[f64; 3]]) -> Vec<[f32; 3]> {
-        self.colored.colors(position, directions)
+        let mut colors = self.colored.colors(position, directions);
+        let behind = self.behind(position);
+        if behind.density > 0.0 {
+            let share = behind.density / (self.own_density(position) + behind.density);
+            for color in &mut colors {
+                for (own, behind) in color.iter_mut().zip(behind.color()) {
+                    *own += (share * (behind - f64::from(*own))) as f32;
+                }
+            }
+        }
+        colors
+    }
+}
+
+impl Plenoxels {
+    /// Density of the box, per world unit.
+    fn own_density(&self, position: [f64; 3]) -> f64 {
+        let sigma = self.colored.density(position);
+        if sigma > self.run.sigma_thresh { sigma } else { 0.0 }
+    }
+
+    /// What the spheres show at a position, seen from their middle.
+    fn behind(&self, position: [f64; 3]) -> SpherePoint {
+        let Some((spheres, space)) = &self.spheres else { return SpherePoint::default() };
+        spheres.seen_at(space, position, &Viewers::default(), self.run.step_size).1
     }
 }

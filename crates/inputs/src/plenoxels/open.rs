@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use super::arguments::{ArgumentsFile, RunArguments};
-use super::keys::{find, has_background};
+use super::keys::{find, spheres};
 use super::lightning;
 use super::model::PlenoxelsFile;
+use super::spheres::SphereSpace;
+use super::whole::{surround, viewers};
+use super::world::WholeFile;
 use crate::base::error::{Place, Result};
 use crate::base::limits::Limits;
+use crate::lazy::Lazy;
 use crate::model::field::{Activation, ColorDomain, Grid, March, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
@@ -22,8 +26,8 @@ const OFFSET: f32 = 0.5;
 /// Opens a file of Plenoxels. Rows and links stay in the file.
 ///
 /// # Errors
-/// `Unsupported` for other bases, scenes in normalised device coordinates, renderers that do not
-/// interpolate, and backgrounds; `Malformed` where arrays are missing or do not fit.
+/// `Unsupported` for other bases, scenes in normalised device coordinates and renderers that do not
+/// interpolate; `Malformed` where arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let arrays = find(file, options, limits)?;
     let beside = ArgumentsFile::beside(file.file.path(), limits)?;
@@ -51,7 +55,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         }
         None => {}
     }
-    if options.drop_background && has_background(file) {
+    let spheres = spheres(file, limits)?;
+    if options.drop_background && spheres.is_some() {
         assumptions.push(Assumption {
             key: "background_data",
             value: "none".to_owned(),
@@ -96,14 +101,18 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
     };
-    let grid = |array, channels| {
-        let index = &arrays.index;
-        Grid::Values(Arc::new(RowGrid::new(index, array, channels, 1, unchecked.clone())))
+    let own_rows = |border| {
+        let grid = |array, channels| {
+            RowGrid::new(&arrays.index, array, channels, border, unchecked.clone())
+        };
+        let densities = grid(&arrays.density, vec![Channel::column(density)]);
+        [densities, grid(&arrays.color, channels.clone())]
     };
-    let field = RadianceField {
+    let [densities, colors] = own_rows(CellBox::BORDER);
+    let mut field = RadianceField {
         scene,
-        density: grid(&arrays.density, vec![Channel::column(density)]),
-        color: vec![grid(&arrays.color, channels)],
+        density: Grid::Values(Arc::new(densities)),
+        color: vec![Grid::Values(Arc::new(colors))],
         color_domain: ColorDomain::Linear,
         view,
         free_space: None,
@@ -112,13 +121,33 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     field.check()?;
     #[expect(clippy::cast_possible_truncation, reason = "settings are float32")]
     let scene_scale = run.scene_scale.map_or(1.0, |scale| scale as f32);
+    let whole = spheres.filter(|_| !options.drop_background).map(|spheres| {
+        let CellBox { radius, center, .. } = arrays.cells;
+        (spheres, SphereSpace { center, radius: radius.map(f64::abs) })
+    });
+    let is_unbounded = whole.is_some();
+    if let Some((spheres, space)) = &whole {
+        let world = WholeFile {
+            arrays: arrays.clone(),
+            spheres: Arc::clone(spheres),
+            space: *space,
+            viewers: viewers(space, &options.cameras),
+            step_size: run.step_size,
+            harmonics,
+            plain: options.view == ViewChoice::None,
+            resampled: options.resolution.is_some() && !lightning::knows(file),
+            limits: limits.clone(),
+            loaded: Lazy::default(),
+        };
+        surround(&mut field, Arc::new(world), options, own_rows, limits)?;
+    }
     Ok(Source {
         field,
-        model: Some(Arc::new(PlenoxelsFile { arrays, run, harmonics })),
+        model: Some(Arc::new(PlenoxelsFile { arrays, run, harmonics, spheres: whole })),
         family: Family::Plenoxels,
         kind: file.kind,
         has_checksums: file.has_checksums,
-        is_unbounded: false,
+        is_unbounded,
         scene_scale,
         assumptions,
         recorded,

@@ -4,6 +4,7 @@
 //! cells stays, and rays are sampled from face to face of the cells.
 
 use crate::base::error::{Error, Place, Result};
+use crate::model::field::Lattice as FieldLattice;
 use crate::model::grid::{Bounds, Nodes};
 
 use super::path::Lattice;
@@ -25,9 +26,12 @@ pub struct CellBox {
 }
 
 impl CellBox {
+    /// Nodes beyond each face.
+    pub const BORDER: usize = 1;
+
     /// Nodes of the field.
     pub fn nodes(&self) -> Nodes {
-        Nodes(self.cells.0.map(|count| count + 2))
+        Nodes(self.cells.0.map(|count| count + 2 * Self::BORDER))
     }
 
     /// The box of the field's nodes.
@@ -53,9 +57,16 @@ impl CellBox {
             let expected = format!("edges that differ by a factor of up to {WIDEST}");
             return Err(Error::malformed(place.clone(), found, expected));
         }
-        let bounds = self.reaching(|radius, count| radius * (1.0 + 1.0 / count));
+        let FieldLattice { bounds, .. } = self.lattice_beyond(Self::BORDER);
         bounds.check_model(place)?;
         Ok(bounds)
+    }
+
+    /// Nodes in the middles of all cells, and so many beyond each face.
+    pub fn lattice_beyond(&self, border: usize) -> FieldLattice {
+        let more = 2.0 * border as f64 - 1.0;
+        let bounds = self.reaching(|radius, count| radius * (1.0 + more / count));
+        FieldLattice::new(bounds, Nodes(self.cells.0.map(|count| count + 2 * border)))
     }
 
     /// The box of the cells.

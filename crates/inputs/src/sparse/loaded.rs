@@ -151,6 +151,18 @@ impl LoadedRows {
         corners.map(|(row, weight)| row.map_or(0.0, |row| weight * f64::from(value(row)))).sum()
     }
 
+    /// The columns of colours, from the first one on.
+    pub fn coefficients(&self, cell: &Cell, out: &mut [f64]) {
+        let [array, width, column] = self.color;
+        out.fill(0.0);
+        let Some(values) = self.arrays.get(array) else { return };
+        for (row, weight) in cell.rows.iter().zip(cell.weights) {
+            let Some(row) = row else { continue };
+            let own = values.get(row * width + column..(row + 1) * width).unwrap_or_default();
+            out.iter_mut().zip(own).for_each(|(out, own)| *out += weight * f64::from(*own));
+        }
+    }
+
     /// Sums, for red, green and blue, of `functions` coefficients times the value of each function.
     /// Rows hold `stored` coefficients of a colour one after the other.
     pub fn color(&self, cell: &Cell, functions: &[f64], stored: usize) -> [f64; 3] {

@@ -4,8 +4,8 @@
 //! the front, the right and above, at the middle of these points as its picture shows them, from so
 //! far that all of them are inside.
 //!
-//! A world is looked at from inside: from the place of the innermost box that is farthest from
-//! everything, towards the box's middle.
+//! A world is looked at from inside: from the place in the middle half of the innermost box that is
+//! farthest from everything, towards the box's middle.
 
 use glam::DVec3;
 
@@ -87,15 +87,16 @@ pub fn panorama(
     Ok((0..count).map(camera).collect())
 }
 
-/// The place of the innermost box that is farthest from everything.
+/// The place in the middle half of the innermost box that is farthest from everything: boxes reach
+/// farther than the cameras of most scenes stand.
 fn standpoint(field: &Renderer, progress: &dyn Progress) -> Result<DVec3> {
     let bounds = &field.view().finest_bounds;
     let (middle, radius) = sphere(bounds);
     let extent = DVec3::from(bounds.extent());
-    let [min, far] = [DVec3::from(bounds.min.map(f64::from)), DVec3::splat(4.0 * radius)];
+    let [min, far] = [middle - 0.25 * extent, DVec3::splat(4.0 * radius)];
     let places = (0..PLACES.pow(3)).map(|i| {
         let at = [i / PLACES / PLACES, i / PLACES % PLACES, i % PLACES];
-        min + extent * DVec3::from(at.map(|at| (at as f64 + 0.5) / PLACES as f64))
+        min + 0.5 * extent * DVec3::from(at.map(|at| (at as f64 + 0.5) / PLACES as f64))
     });
     let places: Vec<DVec3> = places.collect();
     let around: Vec<DVec3> = (0..27)
