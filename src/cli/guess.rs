@@ -26,13 +26,14 @@ const CAMERAS: [&str; 6] = [
     "sparse/0/images.txt",
 ];
 /// Extensions of files that verbs read.
-const INPUTS: [&str; 13] = [
+const INPUTS: [&str; 14] = [
     "ckpt",
     "glb",
     "ingp",
     "mipvog",
     "msgpack",
     "npz",
+    "nvdb",
     "ply",
     "pt",
     "pth",

@@ -89,7 +89,7 @@ pub fn create(path: &Path, force: bool) -> Result<Output> {
 }
 
 /// Extensions of files that are no containers.
-const OTHER_KINDS: [&str; 21] = [
+const OTHER_KINDS: [&str; 22] = [
     "ckpt",
     "exr",
     "gif",
@@ -102,6 +102,7 @@ const OTHER_KINDS: [&str; 21] = [
     "mp4",
     "npy",
     "npz",
+    "nvdb",
     "ply",
     "png",
     "pt",

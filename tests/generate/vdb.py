@@ -1,11 +1,12 @@
 """Makes fixtures/vdb/: one small fog volume, as OpenVDB's own library writes it.
 
-Needs Debian's python3-openvdb. The voxels follow from formulas in whole numbers, which
+Needs Debian's python3-openvdb and libopenvdb-tools, whose vdb_tool writes the NanoVDB files. The voxels follow from formulas in whole numbers, which
 tests/program/vdb.rs has too. Voxel (x, y, z) of 20 x 12 x 9 from (-5, 0, 3) on is active where x + y
 + z is no multiple of 3; density is ((7 x + 5 y + 3 z) mod 64 + 1) / 16, Cd is ((x mod 8) / 8, (y
 mod 4) / 4, 0.5). The grids `density` have a tile of 8 x 8 x 8 voxels of 2.5 from (32, 0, 0) on.
 """
 
+import subprocess
 import sys
 
 import pyopenvdb as vdb
@@ -48,3 +49,13 @@ vdb.write(f"{folder}/turned.vdb", grids=turned)
 shape = vdb.FloatGrid()
 shape.name = "surface"
 vdb.write(f"{folder}/surface.vdb", grids=[shape])
+for name, settings in {
+    "float": ["codec=zip"],
+    "blosc": ["codec=blosc"],
+    "fp16": ["bits=16", "codec=zip"],
+    "fp8": ["bits=8", "codec=zip"],
+    "fp4": ["bits=4", "codec=zip"],
+    "fpn": ["bits=N", "tolerance=0.01", "codec=zip"],
+}.items():
+    line = ["vdb_tool", "-read", f"{folder}/full.vdb", "-write", *settings, f"{folder}/{name}.nvdb"]
+    subprocess.run(line, check=True)

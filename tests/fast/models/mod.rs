@@ -9,6 +9,7 @@ mod lies;
 mod long_rays;
 mod merf;
 mod model_lies;
+mod nanovdb;
 mod nerfacto;
 mod ngp;
 mod open_inputs;

@@ -64,7 +64,7 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
         "grids" | "models" | "snapshot" | "snerg" | "merf" => &[],
         "container" | "render" | "repack" => &["mipvog"],
         "gltf" => &["gltf", "glb"],
-        "vdb" => &["vdb"],
+        "vdb" => &["vdb", "nvdb"],
         "cameras" => &["json"],
         "settings" => &["json", "toml"],
         _ => &["png"],

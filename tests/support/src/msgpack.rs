@@ -1,6 +1,6 @@
 //! MessagePack documents, packed or not.
 
-use std::io::Write;
+use std::io::{Read, Write};
 
 /// A value of MessagePack.
 #[derive(Clone)]
@@ -104,6 +104,13 @@ impl Pack {
             _ => panic!("a binary value"),
         }
     }
+}
+
+/// The bytes that a zlib stream holds.
+pub fn unzlib(packed: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    flate2::read::ZlibDecoder::new(packed).read_to_end(&mut out).expect("a zlib stream");
+    out
 }
 
 pub fn zlib(bytes: &[u8]) -> Vec<u8> {

@@ -19,6 +19,7 @@ pub fn describe(file: &SourceFile) -> Result<&'static str> {
         start if is_zip(start) => "a zip file (a PyTorch checkpoint or an .npz file)",
         start if is_safetensors(start) => "a .safetensors file",
         start if start.starts_with(&VDB_MAGIC) => "an OpenVDB file",
+        start if start.starts_with(b"NanoVDB") => "a NanoVDB file",
         start if is_document(start) => "a MessagePack document",
         start if is_text(start) => match start.trim_ascii_start().first() {
             Some(b'{') => "a JSON text",

@@ -61,6 +61,8 @@ pub enum FileKind {
     Msgpack,
     /// An OpenVDB file.
     Vdb,
+    /// A NanoVDB file.
+    NanoVdb,
     /// A PLY file.
     Ply,
 }
@@ -75,6 +77,7 @@ impl FileKind {
             Self::Folder => "asset folder",
             Self::Msgpack => "snapshot",
             Self::Vdb => "OpenVDB file",
+            Self::NanoVdb => "NanoVDB file",
             Self::Ply => "PLY file",
         }
     }

@@ -1,6 +1,7 @@
 //! Tells the kind of a file by its first bytes.
 
 use super::msgpack::packing;
+use super::nvdb::is_nanovdb;
 use super::parameters::is_parameters;
 use super::ply::MAGIC;
 use crate::base::bytes::SourceFile;
@@ -19,7 +20,8 @@ pub fn is_tensors(file: &SourceFile) -> Result<bool> {
     let known = is_zip(&start)
         || is_safetensors(&start)
         || packing(&start).is_some()
-        || start.starts_with(&VDB_MAGIC);
+        || start.starts_with(&VDB_MAGIC)
+        || is_nanovdb(&start);
     Ok(known || is_voxels(file)? || is_parameters(file)?)
 }
 

@@ -17,6 +17,7 @@ mod kind;
 mod load;
 mod msgpack;
 mod npz;
+mod nvdb;
 mod open;
 mod parameters;
 mod pickle;

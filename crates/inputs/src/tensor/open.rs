@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::file::TensorFile;
 use super::kind::{describe, is_splats, is_voxels};
 use super::zip::Archive;
-use super::{msgpack, npz, parameters, ply, safetensors, torch, vdb};
+use super::{msgpack, npz, nvdb, parameters, ply, safetensors, torch, vdb};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::file_kind::{
@@ -50,6 +50,9 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     if start.starts_with(&VDB_MAGIC) {
         return vdb::open(file, limits);
     }
+    if nvdb::is_nanovdb(&start) {
+        return nvdb::open(file, limits);
+    }
     if let Some(packing) = msgpack::packing(&start) {
         return msgpack::open(file, packing, limits);
     }
@@ -57,7 +60,7 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
         return ply::open(file, limits);
     }
     let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
-                    snapshot, a SNeRG folder, or an OpenVDB file";
+                    snapshot, a SNeRG folder, an OpenVDB or a NanoVDB file";
     if is_splats(file)? {
         let error = Error::unsupported(Place::File, "Gaussian splats (a PLY file)", expected);
         return Err(error.advise("splats have no density to bake: name the file of a field"));

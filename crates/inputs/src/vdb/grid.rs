@@ -1,12 +1,13 @@
 //! One grid of a file.
 
 use super::codec::{Codec, Precision};
+use super::nano;
 use super::placed::{Placed, read_map};
 use super::tree::Tree;
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{Budget, LimitName, Limits};
-use crate::tensor::{GRIDS, TensorFile, Value, VdbValue, read_metadata, read_text};
+use crate::tensor::{FileKind, GRIDS, TensorFile, Value, VdbValue, read_metadata, read_text};
 
 /// Types that are read, the numbers of a value, and their precision.
 const TYPES: [(&str, usize, Precision); 5] = [
@@ -68,6 +69,7 @@ pub fn grid_names(file: &TensorFile) -> Vec<(&str, &str)> {
 /// True for types of grids that have one number a voxel.
 pub(super) fn is_scalar(kind: &str) -> bool {
     TYPES.iter().any(|(own, width, _)| *own == kind && *width == 1)
+        || nano::shape_of(kind).is_some_and(|(width, _)| width == 1)
 }
 
 /// A number of a grid's entry: a place in the file.
@@ -91,6 +93,9 @@ fn entry_of<'a>(file: &'a TensorFile, name: &str) -> Result<(&'a Value, Place)> 
 /// As [`read_grid`].
 pub(super) fn read_class(file: &TensorFile, name: &str, limits: &Limits) -> Result<Option<String>> {
     let (entry, place) = entry_of(file, name)?;
+    if let Some(Value::Text(class)) = entry.get(CLASS) {
+        return Ok(Some(class.clone()));
+    }
     let [start, end] = [place_of(entry, "start", &place)?, place_of(entry, "end", &place)?];
     let length = end.saturating_sub(start).min(HEAD_BYTES);
     let bytes = file.file.read(start, length, HEAD_BYTES)?;
@@ -120,6 +125,9 @@ pub fn read_grid(
         return read_instance(file, entry, &own_place, parent, limits, budget);
     }
     let kind = grid_names(file).iter().find(|(own, _)| *own == name).map_or("", |(_, kind)| kind);
+    if file.kind == FileKind::NanoVdb {
+        return read_nano(file, entry, (kind, &own_place), limits, budget);
+    }
     let found = TYPES.iter().find(|(own, ..)| *own == kind);
     let Some(&(_, width, precision)) = found else {
         let expected = "floats or vectors of three floats in a tree 5-4-3, full or half";
@@ -154,6 +162,36 @@ pub fn read_grid(
     }
     budget.give_back(end.saturating_sub(start));
     Ok(VdbGrid { metadata, width, background: codec.background, placed, tree })
+}
+
+/// A grid of a NanoVDB file.
+fn read_nano(
+    file: &TensorFile,
+    entry: &Value,
+    (kind, place): (&str, &Place),
+    limits: &Limits,
+    budget: &mut Budget,
+) -> Result<VdbGrid> {
+    let Some(shape) = nano::shape_of(kind) else {
+        let expected = "Float, Fp4, Fp8, Fp16, FpN or Vec3f";
+        let error = Error::unsupported(place.clone(), format!("a grid of type {kind}"), expected);
+        return Err(error.advise("convert it to floats, or save it as .vdb"));
+    };
+    let number = |key: &str| place_of(entry, key, place);
+    let [start, end, bytes] = [number("start")?, number("end")?, number("bytes")?];
+    let text = |key: &str| match entry.get(key) {
+        Some(Value::Text(text)) => text.as_str(),
+        _ => "",
+    };
+    let (length, what) = (end.saturating_sub(start), "bytes of a grid");
+    let spent = length.saturating_add(bytes);
+    budget.spend(spent, what, place)?;
+    let stored = file.file.read_bounded(start, length, (LimitName::Memory, what), limits.memory)?;
+    let grid = nano::unpacked(stored, text("codec"), bytes, limits, place)?;
+    let (background, placed, tree) = nano::read(&grid, shape, place, budget)?;
+    budget.give_back(spent);
+    let metadata = vec![(CLASS.to_owned(), VdbValue::Text(text(CLASS).to_owned()))];
+    Ok(VdbGrid { metadata, width: shape.0, background, placed, tree })
 }
 
 /// A grid that has its own metadata and map, and the tree of another one.

@@ -1,4 +1,4 @@
-//! Fog volumes in OpenVDB files: the grids `density`, and `Cd` or `color`.
+//! Fog volumes in OpenVDB and NanoVDB files: the grids `density`, and `Cd` or `color`.
 //!
 //! [`read_grid`] reads the tree of a grid and its values as they are; [`Placed`] says where its
 //! voxels are in the world. [`open_tensors`] makes a field of them, whose nodes are the voxels'
@@ -10,6 +10,7 @@
 mod blosc;
 mod codec;
 mod grid;
+mod nano;
 mod nodes;
 mod open;
 mod placed;

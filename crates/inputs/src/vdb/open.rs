@@ -21,9 +21,9 @@ const STEPSIZE: f32 = 0.5;
 /// Grids whose voxels are this much of a voxel apart are in one place.
 const SAME_PLACE: f64 = 1e-3;
 
-/// True for OpenVDB files.
+/// True for OpenVDB and NanoVDB files.
 pub fn knows(file: &TensorFile) -> bool {
-    file.kind == FileKind::Vdb
+    matches!(file.kind, FileKind::Vdb | FileKind::NanoVdb)
 }
 
 /// Opens a fog volume: reads all of its grids.

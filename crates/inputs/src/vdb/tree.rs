@@ -100,7 +100,7 @@ impl Tree {
         Ok(tree)
     }
 
-    fn push_tile(&mut self, tile: Tile, budget: &mut Budget) -> Result<()> {
+    pub(super) fn push_tile(&mut self, tile: Tile, budget: &mut Budget) -> Result<()> {
         budget.spend(size_of::<Tile>() as u64, "bytes of tiles", &Place::File)?;
         self.tiles.push(tile);
         Ok(())
