@@ -12,6 +12,7 @@ import numpy.typing as npt
 from . import _native
 from ._arrays import Tensor, as_tensor
 from ._callback import Callback
+from ._frusta import Frusta
 from ._sample import (
     EDGE,
     NODES,
@@ -41,6 +42,8 @@ class Asked(NamedTuple):
     functions: int
     # Places of cameras.
     places: list[list[float]]
+    # What they see, where their lenses are known.
+    frusta: Optional[Frusta]
     # Called with the step and its share of the box's work.
     tell: Callable[[str, float], object]
 
@@ -62,6 +65,7 @@ class Box:
             smaller,
             asked.density,
             asked.points,
+            asked.frusta,
             lambda share: asked.step("find matter", share),
         )
         self.has_blocks = len(found) > 0

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any
+from typing import Any, Optional
 
 import numpy as np
 import numpy.typing as npt
 
 from ._callback import Callback
 from ._field import Field
+from ._frusta import Frusta
 from ._sample import Lattice
 
 # Rays, and samples of one in a node spacing.
@@ -36,12 +37,18 @@ def judge(
     color: Callback,
     background: list[float],
     points: int,
+    frusta: Optional[Frusta],
 ) -> dict[str, float]:
-    """Marches rays from all around through the middle parts of the box; of a world, from within the
-    first of its boxes. `picture_psnr` compares their colours, and the transmittances are means over
-    rays, of the field and of the model."""
+    """Marches rays of cameras with lenses; without, from all around through the middle parts of the
+    box, and of a world from within the first of its boxes. `picture_psnr` compares their colours,
+    and the transmittances are means over rays, of the field and of the model."""
     lattice = lattices[0]
-    origins, ways = _rays(lattice) if len(lattices) == 1 else _looks(lattice, density)
+    if frusta is not None:
+        origins, ways = frusta.rays(RAYS)
+    elif len(lattices) == 1:
+        origins, ways = _rays(lattice)
+    else:
+        origins, ways = _looks(lattice, density)
     own, left = _march(lattices, density, color, background, points, origins, ways)
     rgb, shown, _ = field.probe(origins, ways)
     square = float(((np.clip(rgb, 0, 1) - np.clip(own, 0, 1)) ** 2).mean())

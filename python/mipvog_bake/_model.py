@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -17,9 +16,18 @@ from ._boxes import boxes_of
 from ._callback import Callback
 from ._error import Error
 from ._field import Field
+from ._frusta import Frusta, frusta_of
 from ._judge import judge
 from ._progress import Progress, shown
-from ._sample import EDGE, LEAST_POINTS, MOST_POINTS, NODES, POINT_BYTES, Lattice
+from ._sample import (
+    EDGE,
+    LEAST_POINTS,
+    MOST_POINTS,
+    NODES,
+    POINT_BYTES,
+    Lattice,
+    seen_blocks,
+)
 
 # The share of the work after which pictures are judged.
 _JUDGING = 0.95
@@ -52,8 +60,9 @@ def from_model(
     `bounds` are two corners of a box in world units. `resolution` is the number of nodes along its
     longest axis, or along each. Occupied blocks are found first; densities are means over voxels,
     and colours harmonics of `sh_degree`, 0 to 3, that are fitted along the directions from which a
-    node is seen: from `cameras` (a camera file, places `[n, 3]`, or matrices from camera to world),
-    or from all around without at least 16.
+    node is seen: from `cameras` (a camera file, COLMAP's folder, their frames in a dictionary,
+    places `[n, 3]`, or matrices from camera to world), or from all around without at least 16.
+    Where cameras have lenses, which files and frames state, what no picture shows is not sampled.
 
     A world goes on outside `bounds`. `extent` samples it in boxes around them, each twice as large
     with nodes twice as far apart, until one reaches `extent` half sides from the middle. Instead,
@@ -79,7 +88,7 @@ def from_model(
             _check.whole("sh_degree", sh_degree, "0, 1, 2 or 3", 0, 3),
             device,
             max_memory,
-            _places(cameras),
+            *_seen_from(cameras),
             tell or (lambda step, share: None),
         )
 
@@ -93,6 +102,7 @@ def _sampled(
     device: Any,
     max_memory: Optional[int],
     places: list[list[float]],
+    frusta: Optional[Frusta],
     show: Progress,
 ) -> Field:
     clock = time.perf_counter()
@@ -110,7 +120,7 @@ def _sampled(
         def tell(step: str, share: float, number: int = number) -> None:
             show(step, _JUDGING * (number + share) / len(lattices))
 
-        asked = Asked(ask_density, ask_color, points, functions, places, tell)
+        asked = Asked(ask_density, ask_color, points, functions, places, frusta, tell)
         tell("find matter", 0.0)
         box = Box(lattice, lattices[number - 1] if number else None, asked)
         boxes.append(box)
@@ -128,13 +138,14 @@ def _sampled(
     psnr = min(200.0, -10 * math.log10(max(error, 1e-30)))
     samples = {"density_samples": ask_density.rows, "color_samples": ask_color.rows}
     field = Field.of_arrays(_arrays(boxes, behind))
-    pictures = judge(field, lattices, ask_density, ask_color, behind, points)
+    pictures = judge(field, lattices, ask_density, ask_color, behind, points, frusta)
     show("judge", 1.0)
     report = {
         **samples,
         "nodes": sum(box.nodes for box in boxes),
         "blocks": sum(len(box.blocks) for box in boxes),
         "blocks_total": sum(int(lattice.blocks.prod()) for lattice in lattices),
+        "blocks_seen": sum(int(seen_blocks(lattice, frusta).sum()) for lattice in lattices),
         "boxes": len(boxes),
         "bytes": needed,
         "points_at_once": points,
@@ -199,27 +210,14 @@ def _no_matter(lattice: Lattice) -> Error:
     )
 
 
-def _places(cameras: Any) -> list[list[float]]:
-    """The places of cameras."""
+def _seen_from(cameras: Any) -> tuple[list[list[float]], Optional[Frusta]]:
+    """The places of cameras, and what they see where they have lenses."""
     if cameras is None:
-        return []
-    if isinstance(cameras, (str, os.PathLike)):
-        name = os.fspath(cameras)
-        try:
-            with open(name, encoding="utf-8") as file:
-                frames = json.load(file)["frames"]
-            cameras = [frame["transform_matrix"] for frame in frames]
-        except OSError as error:
-            raise Error(
-                f"{name}: {error.strerror}", "io", name, None, 5, "check the path"
-            ) from error
-        except (ValueError, KeyError, TypeError) as error:
-            raise Error(
-                f"{name}: found no camera file ({error}), expected frames with transform_matrix",
-                kind="wrong_kind",
-                file=name,
-                exit_code=3,
-            ) from error
+        return [], None
+    if isinstance(cameras, (str, os.PathLike, Mapping)):
+        frusta = frusta_of(cameras)
+        eyes: list[list[float]] = frusta.eyes.tolist()
+        return eyes, frusta
     expected = "a camera file, finite places [n, 3] or matrices [n, 4, 4]"
     found = _check.numbers("cameras", cameras, expected)
     if found.ndim == 3 and found.shape[1:] in ((3, 4), (4, 4)):
@@ -227,4 +225,4 @@ def _places(cameras: Any) -> list[list[float]]:
     if found.ndim != 2 or found.shape[1] != 3 or not np.isfinite(found).all():
         raise Error(f"cameras: found shape {found.shape}, expected {expected}")
     rows: list[list[float]] = found.tolist()
-    return rows
+    return rows, None

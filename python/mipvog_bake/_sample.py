@@ -24,6 +24,7 @@ from . import _check
 from ._arrays import corners
 from ._callback import Callback
 from ._error import Error
+from ._frusta import Frusta
 
 EDGE = 8
 NODES = EDGE**3
@@ -73,13 +74,15 @@ def occupied_blocks(
     smaller: Optional[Lattice],
     density: Callback,
     points: int,
+    frusta: Optional[Frusta],
     tell: Callable[[float], object],
 ) -> npt.NDArray[np.int64]:
     """The blocks with matter in them or beside them, `[n, 3]`, in order; what lies within a smaller
-    box, more than a node from its faces, is not looked at. `tell` is called with the share of the
-    nodes that were looked at."""
+    box, more than a node from its faces, is not looked at, nor are blocks outside of all `frusta`.
+    `tell` is called with the share of the nodes that were looked at."""
     blocks = lattice.blocks
     kept = np.zeros(blocks, dtype=bool)
+    seen = seen_blocks(lattice, frusta)
     ny, nz = lattice.counts[1:]
     for layer in range(blocks[0]):
         first = layer * EDGE
@@ -90,7 +93,7 @@ def occupied_blocks(
             index = np.arange(start, min(start + points, flat.size))
             x, y, z = np.unravel_index(index, (count, ny, nz))
             places = lattice.place(np.stack([x + first, y, z], axis=-1))
-            asked = _outside(places, lattice, smaller)
+            asked = _outside(places, lattice, smaller) & seen[layer, y // EDGE, z // EDGE]
             flat[index] = False
             if asked.any():
                 flat[index[asked]] = density(places[asked]) > lattice.faint
@@ -101,7 +104,18 @@ def occupied_blocks(
             kept[layer - 1] |= _blocks_near(matter[0])
         if layer + 1 < blocks[0]:
             kept[layer + 1] |= _blocks_near(matter[-1])
-    return np.argwhere(kept)
+    return np.argwhere(kept & seen)
+
+
+def seen_blocks(lattice: Lattice, frusta: Optional[Frusta]) -> Bools:
+    """True of blocks whose cells may be in a picture. Cells reach to the nodes of the next blocks,
+    on both sides."""
+    if frusta is None:
+        return np.ones(lattice.blocks, dtype=bool)
+    numbers = np.argwhere(np.ones(lattice.blocks, dtype=bool))
+    centers = lattice.low + (numbers * EDGE + 0.5 * (EDGE - 1)) * lattice.spacing
+    radius = 0.5 * (EDGE + 1) * float(np.linalg.norm(lattice.spacing))
+    return frusta.see(centers, radius).reshape(lattice.blocks)
 
 
 def _outside(

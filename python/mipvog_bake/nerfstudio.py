@@ -14,6 +14,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Optional
 
+import numpy as np
+
 from ._bake import bake
 from ._error import Error
 from ._model import from_model
@@ -164,10 +166,27 @@ def _range(model: Any) -> dict[str, float]:
 
 
 def _cameras(pipeline: Any) -> Any:
-    """The matrices of the training's cameras, if it still knows them."""
+    """The training's cameras, if it still knows them; pinholes with their lenses."""
     dataset = getattr(getattr(pipeline, "datamanager", None), "train_dataset", None)
     cameras = getattr(dataset, "cameras", None)
-    return None if cameras is None else cameras.camera_to_worlds.detach().cpu().numpy()
+    if cameras is None:
+        return None
+    matrices = cameras.camera_to_worlds.detach().cpu().numpy()
+    kinds = getattr(cameras, "camera_type", None)
+    # Number 1 are perspective cameras. Other lenses see more than a pyramid.
+    if kinds is None or (kinds.detach().cpu().numpy() != 1).any():
+        return matrices
+    last = np.broadcast_to([[[0.0, 0.0, 0.0, 1.0]]], (len(matrices), 1, 4))
+    names = {"fl_x": "fx", "fl_y": "fy", "cx": "cx", "cy": "cy", "w": "width", "h": "height"}
+    lenses = {
+        name: getattr(cameras, own).detach().cpu().numpy().reshape(-1).tolist()
+        for name, own in names.items()
+    }
+    frames = [
+        {"transform_matrix": matrix, **{name: values[number] for name, values in lenses.items()}}
+        for number, matrix in enumerate(np.concatenate([matrices, last], axis=1).tolist())
+    ]
+    return {"frames": frames}
 
 
 def _options(words: Sequence[str]) -> dict[str, Any]:

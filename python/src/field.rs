@@ -88,6 +88,31 @@ impl NativeField {
     }
 }
 
+/// Matrices from cameras to the world, row by row, and the slopes of the left, right, lower and upper
+/// edges of their pictures: of the text of a camera file, or of one at a path.
+#[pyfunction]
+#[pyo3(signature = (text, path))]
+pub fn frusta(
+    py: Python<'_>,
+    text: Option<&str>,
+    path: Option<PathBuf>,
+) -> PyResult<(Vec<[f64; 16]>, Vec<[f64; 4]>)> {
+    let read = || {
+        let cameras = match path {
+            Some(path) => camera::read(&path, None, &Limits::default())?,
+            None => camera::parse(text.unwrap_or_default(), PathBuf::new(), None)?,
+        };
+        cameras.pick(&[]).map(|picked| picked.cameras)
+    };
+    let cameras = read().map_err(|error| raised(py, &error))?;
+    let matrices = cameras.iter().map(|camera| camera.to_world.transpose().to_cols_array());
+    let slopes = cameras.iter().map(|Camera { lens, .. }| {
+        let [[fx, fy], [cx, cy]] = [lens.focal, lens.center];
+        [-cx / fx, (lens.width as f64 - cx) / fx, (cy - lens.height as f64) / fy, cy / fy]
+    });
+    Ok((matrices.collect(), slopes.collect()))
+}
+
 /// The camera that Python describes: the text of a camera file, or its path; the overview without.
 fn camera(
     field: &Renderer,

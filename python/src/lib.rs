@@ -22,6 +22,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(verbs::call, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::option_names, module)?)?;
     module.add_function(wrap_pyfunction!(field::png, module)?)?;
+    module.add_function(wrap_pyfunction!(field::frusta, module)?)?;
     module.add_function(wrap_pyfunction!(fit::doubled, module)?)?;
     module.add_function(wrap_pyfunction!(fit::harmonics, module)?)?;
     module.add_class::<arrays::Arrays>()?;

@@ -1,10 +1,13 @@
 """Models of all space: a ball in a garden under a sky, sampled in nested boxes."""
 
+import json
+
 import numpy as np
 import pytest
 from scenes import psnr
 
 import mipvog_bake
+from mipvog_bake._frusta import frusta_of
 
 BOX = ((-1, -1, -1), (1, 1, 1))
 SKY = 13.0
@@ -116,3 +119,56 @@ def test_a_box_without_matter_is_empty():
     assert found["density"][0] == 0 and found["density"][1] > 3
     with pytest.raises(mipvog_bake.Error, match="found no matter"):
         mipvog_bake.from_model(far, color, bounds=BOX, resolution=17, extent=2, sh_degree=0)
+
+
+def looking(count, angle=0.6, turned=0.35):
+    """Frames of cameras near the middle that look along x, more or less."""
+    frames = []
+    for number in range(count):
+        around = turned * np.sin(2.4 * number)
+        back = -np.array([np.cos(around), np.sin(around), 0.1 * np.cos(number)])
+        back /= np.linalg.norm(back)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        right /= np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.stack([right, np.cross(back, right), back], axis=-1)
+        matrix[:3, 3] = [-0.8, 0.1 * np.sin(number), 0.1]
+        frames.append({"transform_matrix": matrix.tolist()})
+    return {"camera_angle_x": angle, "w": 80, "h": 60, "frames": frames}
+
+
+def test_what_no_camera_shows_is_not_sampled(world, tmp_path):
+    cameras = looking(16)
+    path = tmp_path / "transforms.json"
+    path.write_text(json.dumps(cameras))
+    options = {"bounds": BOX, "resolution": 49, "extent": 16}
+    seen = mipvog_bake.from_model(density, color, cameras=path, **options)
+    assert seen.report["blocks_seen"] < 0.4 * seen.report["blocks_total"]
+    assert world.report["blocks_seen"] == world.report["blocks_total"]
+    for kind in ("density_samples", "color_samples"):
+        assert seen.report[kind] < 0.5 * world.report[kind]
+    assert seen.report["picture_psnr"] > 33
+    # Rays of the cameras' pictures show what they show with all of the world.
+    frusta = frusta_of(cameras)
+    origins, ways = frusta.rays(300)
+    assert frusta.see(origins + 4 * ways, 0.0).all()
+    assert not frusta.see(origins - 4 * ways, 0.0).any()
+    expected = marched(origins, ways)
+    found, left, _ = seen.probe(origins, ways)
+    whole, _, _ = world.probe(origins, ways)
+    assert left.max() < 0.01
+    assert psnr(found, expected) > psnr(whole, expected) - 0.5
+    # A dictionary is the same as its file; places alone leave nothing out.
+    again = mipvog_bake.from_model(density, color, cameras=cameras, **options)
+    assert again.report["blocks"] == seen.report["blocks"]
+    eyes = frusta.eyes
+    places = mipvog_bake.from_model(density, color, cameras=eyes, **options)
+    assert places.report["blocks_seen"] == places.report["blocks_total"]
+
+
+def test_cameras_without_a_lens_are_refused():
+    frames = [{"transform_matrix": np.eye(4).tolist()}]
+    with pytest.raises(mipvog_bake.Error, match="camera_angle_x"):
+        mipvog_bake.from_model(
+            density, color, bounds=BOX, resolution=9, extent=4, cameras={"frames": frames}
+        )
