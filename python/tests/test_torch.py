@@ -13,6 +13,7 @@ from scenes import BOX, psnr
 
 import mipvog_bake
 from mipvog_bake import nerfstudio as command
+from mipvog_bake._frusta import frusta_of
 
 torch = pytest.importorskip("torch")
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -238,3 +239,23 @@ def test_contracted_space_is_baked_whole(fields, tmp_path):
         own = density(torch.from_numpy(places)).numpy().ravel()
     # A node is the mean of its voxel.
     assert np.median(np.abs(found - own) / own) < 0.1
+
+
+# Its viewer's packages warn of their own names.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_lenses_of_nerfstudio_s_cameras_are_passed_on():
+    from nerfstudio.cameras.cameras import Cameras, CameraType
+
+    def found(kind):
+        poses = torch.eye(4)[None, :3].repeat(2, 1, 1)
+        poses[1, :, 3] = torch.tensor([1.0, 2.0, 3.0])
+        cameras = Cameras(poses, 50.0, 40.0, 30.0, 20.0, 64, 48, camera_type=kind)
+        manager = types.SimpleNamespace(train_dataset=types.SimpleNamespace(cameras=cameras))
+        return command._cameras(types.SimpleNamespace(datamanager=manager))
+
+    frusta = frusta_of(found(CameraType.PERSPECTIVE))
+    assert np.allclose(frusta.eyes, [[0, 0, 0], [1, 2, 3]])
+    assert np.allclose(frusta.slopes, [[-30 / 50, 34 / 50, -28 / 40, 20 / 40]] * 2)
+    assert frusta.see(np.array([[1.0, 2.0, -7.0], [1.0, 2.0, 9.0]]), 0.1).tolist() == [True, False]
+    # A fisheye sees more than a pyramid: its place alone counts.
+    assert found(CameraType.FISHEYE).shape == (2, 3, 4)
