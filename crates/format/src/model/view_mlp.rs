@@ -170,6 +170,36 @@ impl ViewMlp {
     /// View-dependent colour of up to [`RAYS`] rays: `directions` of unit length, and each ray's
     /// accumulated values, diffuse colour first.
     pub fn colors(&self, directions: &[[f64; 3]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
+        self.colors_by(accumulated, |ray, values| {
+            self.embed(directions[ray], |i, value| values[i][ray] = value as f32);
+        })
+    }
+
+    /// As [`Self::colors`], of directions that were embedded before ([`Self::embedding`]).
+    pub fn colors_embedded(
+        &self,
+        embeddings: &[&[f32]],
+        accumulated: &[&[f32]],
+    ) -> [[f32; 3]; RAYS] {
+        self.colors_by(accumulated, |ray, values| {
+            values.iter_mut().zip(embeddings[ray]).for_each(|(row, value)| row[ray] = *value);
+        })
+    }
+
+    /// The embedding of a direction: the first inputs of the first layer.
+    pub fn embedding(&self, direction: [f64; 3]) -> Vec<f32> {
+        let mut values = vec![0.0; 3 + 6 * self.frequencies];
+        self.embed(direction, |i, value| values[i] = value as f32);
+        values
+    }
+
+    /// Colours of as many rays as there are accumulated values. `embed` puts a ray's direction into
+    /// the first inputs.
+    fn colors_by(
+        &self,
+        accumulated: &[&[f32]],
+        embed: impl Fn(usize, &mut [[f32; RAYS]]),
+    ) -> [[f32; 3]; RAYS] {
         let embedding = 3 + 6 * self.frequencies;
         let skip = match self.input {
             ViewInput::DiffuseAndFeatures => 0,
@@ -177,15 +207,15 @@ impl ViewMlp {
         };
         let width = self.layers.first().map_or(0, |layer| layer.inputs);
         let mut values = vec![[0.0f32; RAYS]; width];
-        for (ray, (direction, accumulated)) in directions.iter().zip(accumulated).enumerate() {
-            self.embed(*direction, |i, value| values[i][ray] = value as f32);
+        for (ray, accumulated) in accumulated.iter().enumerate() {
+            embed(ray, &mut values);
             for (i, &value) in accumulated[skip..].iter().take(width - embedding).enumerate() {
                 values[embedding + i][ray] = value;
             }
         }
         for (number, layer) in self.layers.iter().enumerate() {
             let is_last = number + 1 == self.layers.len();
-            values = layer.apply(&values, is_last);
+            values = apply_to_rays(layer, &values, is_last);
         }
         std::array::from_fn(|ray| std::array::from_fn(|channel| values[channel][ray]))
     }
@@ -252,23 +282,23 @@ impl ViewMlp {
     }
 }
 
-impl Layer {
-    fn apply(&self, inputs: &[[f32; RAYS]], is_last: bool) -> Vec<[f32; RAYS]> {
-        let rows = self.weights.chunks_exact(self.inputs.max(1)).zip(&self.bias);
-        rows.map(|(weights, &bias)| {
-            let mut sums = [bias; RAYS];
-            for (input, &weight) in inputs.iter().zip(weights) {
-                for ray in 0..RAYS {
-                    sums[ray] += weight * input[ray];
-                }
+/// A layer's outputs of [`RAYS`] rays side by side.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn apply_to_rays(layer: &Layer, inputs: &[[f32; RAYS]], is_last: bool) -> Vec<[f32; RAYS]> {
+    let mut outputs = Vec::with_capacity(layer.bias.len());
+    for (weights, &bias) in layer.weights.chunks_exact(layer.inputs.max(1)).zip(&layer.bias) {
+        let mut sums = [bias; RAYS];
+        for (input, &weight) in inputs.iter().zip(weights) {
+            for ray in 0..RAYS {
+                sums[ray] += weight * input[ray];
             }
-            match is_last {
-                true => sums.map(lanes::sigmoid),
-                false => sums.map(|sum| sum.max(0.0)),
-            }
-        })
-        .collect()
+        }
+        outputs.push(match is_last {
+            true => sums.map(lanes::sigmoid),
+            false => sums.map(|sum| sum.max(0.0)),
+        });
     }
+    outputs
 }
 
 #[cfg(test)]

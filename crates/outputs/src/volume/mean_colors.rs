@@ -11,8 +11,9 @@ use crate::base::progress::Progress;
 use crate::model::grid::Nodes;
 use crate::view::render::{BEFORE, Directions, Renderer};
 
-/// Nodes along the edge of a block of colours.
-const EDGE: usize = 8;
+/// Nodes along the edge of a block of colours. Densities around a block are found for it alone, so
+/// small blocks find most of them several times.
+const EDGE: usize = 16;
 /// Colours of the nodes of a block, with 1 behind them, or 0 for a node that was not asked.
 type Block = Vec<[f32; 4]>;
 
@@ -79,6 +80,8 @@ impl MeanColors {
         let at: [f64; 3] = std::array::from_fn(|axis| share[axis] * (sizes[axis] - 1) as f64);
         let low: [usize; 3] =
             std::array::from_fn(|axis| (at[axis] as usize).min(sizes[axis].saturating_sub(2)));
+        let home = low.map(|node| node / EDGE);
+        let own = self.blocks.get(&home);
         let mut sum = [0.0f32; 4];
         for corner in 0..8usize {
             let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
@@ -87,7 +90,10 @@ impl MeanColors {
                 weight * if up[axis] == 1 { fraction } else { 1.0 - fraction }
             });
             let node: [usize; 3] = std::array::from_fn(|axis| low[axis] + up[axis]);
-            let Some(block) = self.blocks.get(&node.map(|node| node / EDGE)) else { continue };
+            let there = node.map(|node| node / EDGE);
+            // Most corners are in the same block.
+            let block = if there == home { own } else { self.blocks.get(&there) };
+            let Some(block) = block else { continue };
             let [x, y, z] = node.map(|node| node % EDGE);
             let color = block[(x * EDGE + y) * EDGE + z];
             // Nodes that were not asked have weight 0.
