@@ -48,7 +48,8 @@ Examples:
   mipvog-bake export scene.mipvog --to html -o site/
   mipvog-bake export scene.mipvog -o page.html
   mipvog-bake export scene.mipvog -o scene.vdb --supersample 4
-  mipvog-bake export scene.mipvog -o mesh.glb")]
+  mipvog-bake export scene.mipvog -o mesh.glb
+  mipvog-bake export scene.mipvog -o splats.spz")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked; - means standard input
     #[arg(value_parser = input_path())]
@@ -63,7 +64,7 @@ pub struct Arguments {
     #[arg(long, value_name = "K", default_value_t = 0)]
     level: usize,
     /// Box of a world to export; 0 is the innermost. Larger ones have a hole where the next smaller
-    /// box is [default: 0]
+    /// box is [default: 0, and all of them for html, glb and splat]
     #[arg(long = "box", value_name = "K")]
     nested_box: Option<usize>,
     /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]

@@ -39,9 +39,9 @@ pub trait ExportFormat: Sync {
     }
 
     /// Pixels along a side of the pictures that its loss is measured in, where no camera is given. A
-    /// quarter of the pixels of 400 x 400 tells the loss to 0.1 dB.
+    /// tenth of the pixels of 400 x 400 tells the loss to 0.1 dB.
     fn side(&self) -> usize {
-        200
+        128
     }
 
     /// Refuses an output's name, and what the format cannot hold, before any work.

@@ -41,7 +41,8 @@ impl ExportFormat for Splat {
         true
     }
 
-    /// Larger, because renderers widen splats by a part of a pixel: 200 x 200 would show 5 dB less.
+    /// Larger, because renderers widen splats by a part of a pixel: half the size would show 5 dB
+    /// less.
     fn side(&self) -> usize {
         400
     }

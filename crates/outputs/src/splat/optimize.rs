@@ -10,7 +10,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 
 /// Steps, a picture each. Twice as many gain 0.6 dB.
-pub(super) const STEPS: usize = 260;
+pub(super) const STEPS: usize = 280;
 /// Lengths of the first steps: positions in shares of a cell, logarithms, logits, coefficients of
 /// band 0 and of the others.
 const LENGTHS: GaussianSplat = {

@@ -12,7 +12,7 @@ use crate::view::{INSIDE_ANGLE, overview, standpoints};
 
 /// Targets, and pixels along a side of each. Splats that were fitted to smaller pictures have gaps in
 /// larger ones, because renderers widen them by a part of a pixel.
-const TARGETS: usize = 32;
+const TARGETS: usize = 40;
 const SIDE: usize = 320;
 /// Larger pictures of given cameras are made smaller.
 const LARGEST_SIDE: usize = 400;

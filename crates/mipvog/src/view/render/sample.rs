@@ -175,12 +175,12 @@ impl Renderer {
                     let own = if is_plain { &seen[..1] } else { seen };
                     let own = own.iter().map(|&(i, _)| sample.values_from(directions.vectors[i]));
                     let own: Vec<Vec<f32>> = own.collect();
-                    let of_ray = |ray: usize| &own[if is_plain { 0 } else { ray }][..];
-                    let values: Vec<&[f32]> = (0..seen.len()).map(of_ray).collect();
-                    let embeddings: Vec<&[f32]> =
-                        seen.iter().map(|&(i, _)| &directions.embeddings[i][..]).collect();
-                    let added = network.colors_embedded(&embeddings, &values);
-                    for ((&(_, weight), added), own) in seen.iter().zip(added).zip(values) {
+                    let values: Vec<&[f32]> = own.iter().map(Vec::as_slice).collect();
+                    let sums: Vec<&[f32]> =
+                        seen.iter().map(|&(i, _)| &directions.sums[i][..]).collect();
+                    let added = network.colors_of_sums(&sums, &values);
+                    for (ray, (&(_, weight), added)) in seen.iter().zip(added).enumerate() {
+                        let own = values[if is_plain { 0 } else { ray }];
                         add(weight, [0, 1, 2].map(|channel| own[channel] + added[channel]));
                     }
                 }
@@ -203,7 +203,7 @@ pub struct Directions {
     vectors: Vec<[f64; 3]>,
     bases: Vec<Basis>,
     /// Empty without a network.
-    embeddings: Vec<Vec<f32>>,
+    sums: Vec<Vec<f32>>,
 }
 
 impl Directions {
@@ -220,10 +220,10 @@ impl Directions {
             .collect();
         let bases = vectors.iter().map(|&vector| basis(vector)).collect();
         let network = field.view().view_dependence.as_ref().and_then(ViewDependence::network);
-        let embeddings = network.map_or_else(Vec::new, |network| {
-            vectors.iter().map(|&vector| network.embedding(vector)).collect()
+        let sums = network.map_or_else(Vec::new, |network| {
+            vectors.iter().map(|&vector| network.direction_sums(vector)).collect()
         });
-        Self { vectors, bases, embeddings }
+        Self { vectors, bases, sums }
     }
 
     /// The directions along which a place is seen, by their numbers, and the share of light that
