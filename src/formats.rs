@@ -29,7 +29,7 @@ use crate::html::Html;
 pub static FORMATS: [&dyn ExportFormat; 7] = [&Vdb, &Usd, &Glb, &Html, &Splat, &Flipbook, &Snerg];
 
 /// Names that people try, and extensions of outputs, by the format that they mean.
-const OTHER_NAMES: [(&str, &str); 12] = [
+const OTHER_NAMES: [(&str, &str); 13] = [
     ("openvdb", "vdb"),
     ("usda", "usd"),
     ("usdc", "usd"),
@@ -38,11 +38,15 @@ const OTHER_NAMES: [(&str, &str); 12] = [
     ("htm", "html"),
     ("page", "html"),
     ("ply", "splat"),
+    ("spz", "splat"),
     ("splats", "splat"),
     ("png", "flipbook"),
     ("exr", "flipbook"),
     ("sprites", "flipbook"),
 ];
+
+/// Those of the names above that are one kind of file of several: the output must end in them.
+const KINDS: [&str; 4] = ["ply", "spz", "png", "exr"];
 
 /// Other names of a format.
 pub fn other_names(format: &str) -> impl Iterator<Item = &'static str> {
@@ -66,6 +70,10 @@ fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
 /// `Usage` where neither says one.
 pub fn format_of(name: Option<&str>, output: &Path) -> Result<&'static dyn ExportFormat> {
     let extension = output.extension().and_then(|extension| extension.to_str());
+    if let Some(kind) = name.filter(|name| KINDS.contains(name) && extension != Some(*name)) {
+        let message = format!("--to {kind}, but -o {}: end it in .{kind}", output.display());
+        return Err(Error::usage(message));
+    }
     let found = match (name, extension) {
         (Some(name), _) => format_named(name).or_else(|| format_of_extension(name)),
         (None, Some(extension)) => format_of_extension(&extension.to_lowercase()),

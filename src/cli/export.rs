@@ -25,17 +25,18 @@ use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::{LimitName, Limits};
 use crate::base::progress::Step;
 use crate::base::text::parse_bytes;
+use crate::container::Container;
 use crate::formats::{FORMATS, format_of, other_names};
+use crate::model::camera::Camera;
 use crate::model::grid::Bounds;
-use crate::view::overview;
-use crate::view::render::Renderer;
+use crate::view::{overview, panorama};
 use mipvog_inputs::{self, Family, tensor};
 use mipvog_outputs::export_files::{ExportFiles, FileReport};
 use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
 use mipvog_outputs::measure::export_errors;
 
-/// Pixels along a side of the picture that is measured where no camera is given.
-const SIZE: usize = 400;
+/// Pictures that look around inside a world, where no camera is given.
+const VIEWS: usize = 4;
 
 /// Write another program's format, and measure the loss
 ///
@@ -47,7 +48,8 @@ Examples:
   mipvog-bake export scene.mipvog --to html -o site/
   mipvog-bake export scene.mipvog -o page.html
   mipvog-bake export scene.mipvog -o scene.vdb --supersample 4
-  mipvog-bake export scene.mipvog -o mesh.glb")]
+  mipvog-bake export scene.mipvog -o mesh.glb
+  mipvog-bake export scene.mipvog -o splats.spz")]
 pub struct Arguments {
     /// A container, a glTF asset with one, or anything that can be baked; - means standard input
     #[arg(value_parser = input_path())]
@@ -62,7 +64,7 @@ pub struct Arguments {
     #[arg(long, value_name = "K", default_value_t = 0)]
     level: usize,
     /// Box of a world to export; 0 is the innermost. Larger ones have a hole where the next smaller
-    /// box is [default: 0]
+    /// box is [default: 0, and all of them for html, glb and splat]
     #[arg(long = "box", value_name = "K")]
     nested_box: Option<usize>,
     /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]
@@ -135,6 +137,8 @@ pub(super) struct ExportReport {
     /// Over the pixels of all cameras, in dB; the gate's figure.
     pooled_psnr: Option<f64>,
     cameras: usize,
+    /// Pixels along x and y of the first camera's picture.
+    picture_size: [usize; 2],
     required_psnr: Option<f64>,
     passed: bool,
     lost: Vec<String>,
@@ -182,12 +186,14 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     check_memory(&cameras, 1, &options.limits)?;
     options.cameras.clone_from(&cameras);
     format.check(&source, &options, &arguments.output)?;
-    let is_inner = arguments.has_shells(&options.limits)? && !format.takes_container();
+    let is_inner = arguments.has_shells(&options.limits)? && arguments.is_one_box(format);
     let mut files = ExportFiles::new(&arguments.output, arguments.force);
     let in_file = |error: Error| error.in_file(&arguments.field);
     let exported = format.write(&source, &options, &mut files, &bar).map_err(in_file)?;
+    let size = [format.side(); 2];
     let cameras = match cameras.is_empty() {
-        true => vec![overview(&source.field, [SIZE; 2], &bar)?],
+        true if source.world.is_some() => panorama(&source.field, VIEWS, size, &bar)?,
+        true => vec![overview(&source.field, size, &bar)?],
         false => cameras,
     };
     let written = files.written();
@@ -214,6 +220,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         psnr: Some(errors.psnr),
         pooled_psnr: Some(errors.pooled_psnr),
         cameras: cameras.len(),
+        picture_size: cameras.first().map_or(size, |Camera { lens, .. }| [lens.width, lens.height]),
         required_psnr: arguments.require_psnr,
         passed,
         lost: lost_of(exported.lost, is_inner.then_some(arguments.nested_box.unwrap_or(0))),
@@ -328,8 +335,15 @@ impl Arguments {
                 return Err(Error::usage(format!("--to {} holds all boxes", format.name())));
             }
         }
+        let mut world = None;
         if boxes > 1 && !format.takes_container() {
-            field = self.one_box(&scene, &options.limits)?;
+            let container = self.container_of_boxes(&options.limits)?;
+            if self.is_one_box(format) {
+                let one = container.read()?.one_box(self.nested_box.unwrap_or(0));
+                field = scene.open_baked(&one, None, &options.limits)?;
+            } else {
+                world = Some(container.metadata().clone());
+            }
         }
         if let Some(crop) = &self.crop {
             field.crop(crop)?;
@@ -340,17 +354,21 @@ impl Arguments {
             true => Some(self.container(cameras.as_ref(), &options.limits)?),
             false => None,
         };
-        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, container })
+        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, world, container })
     }
 
-    /// One of nested boxes, which is what formats of other programs hold.
-    fn one_box(&self, scene: &SceneArguments, limits: &Limits) -> Result<Renderer> {
-        let Some(container) = self.which.container(&self.field, limits)? else {
-            let message = "an export shows one box of a world: bake the input first, or add \
-                           --drop-background";
-            return Err(Error::usage(message));
-        };
-        scene.open_baked(&container.read()?.one_box(self.nested_box.unwrap_or(0)), None, limits)
+    /// True if of nested boxes one is exported.
+    fn is_one_box(&self, format: &dyn ExportFormat) -> bool {
+        !format.holds_boxes() || self.nested_box.is_some()
+    }
+
+    /// The container of nested boxes, whose levels other formats take.
+    fn container_of_boxes(&self, limits: &Limits) -> Result<Container> {
+        self.which.container(&self.field, limits)?.ok_or_else(|| {
+            let message = "an export takes the boxes of a world from its container: bake the input \
+                           first, or add --drop-background";
+            Error::usage(message)
+        })
     }
 
     /// The settings that the field is opened with. The resolution is the export's alone, but for
@@ -399,7 +417,8 @@ impl ExportReport {
         }
         let pictures = counted(self.cameras, "picture");
         if let Some(psnr) = self.pooled_psnr {
-            add(&format!("  {psnr:.2} dB against the field, {pictures}"));
+            let [width, height] = self.picture_size;
+            add(&format!("  {psnr:.2} dB against the field, {pictures} of {width}x{height}"));
         }
         for lost in &self.lost {
             add(&format!("  lost: {lost}"));

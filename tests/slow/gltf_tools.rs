@@ -43,6 +43,10 @@ fn other_programs_take_what_is_written() {
     run(here, &["detach", "two.glb", "--field", "0", "-o", "second.glb"]);
     let read = |name: &str| std::fs::read(here.join(name)).expect("written");
     assert!(read("a.glb") == read("again.glb"));
+    let tiny = fixture("baked/tiny.rate.f16.mipvog").display().to_string();
+    for name in ["splats.glb", "splats.gltf"] {
+        run(here, &["export", &tiny, "--to", "splat", "-o", name, "--splats", "500"]);
+    }
     // An asset without anything but a node, and without a scene.
     for (name, document) in [
         ("node", json!({ "asset": { "version": "2.0" }, "nodes": [{ "name": "n" }] })),
@@ -66,6 +70,8 @@ fn other_programs_take_what_is_written() {
         "second.glb",
         "node.gltf",
         "nothing.gltf",
+        "splats.glb",
+        "splats.gltf",
     ];
     let output = check.args(names).output().expect("starts");
     let says = [output.stdout, output.stderr].map(|o| String::from_utf8_lossy(&o).into_owned());

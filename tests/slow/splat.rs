@@ -28,7 +28,8 @@ fn an_export_looks_like_the_field_and_is_the_same_for_any_number_of_threads() {
     let export = |output: &str, more: &[&str]| {
         let mut command = program();
         command.current_dir(folder.path()).arg("export").arg(&tiny);
-        command.args(["--to", "splat", "-o", output, "--format", "json"]);
+        let to = if more.contains(&"--to") { &[][..] } else { &["--to", "splat"] };
+        command.args(to).args(["-o", output, "--format", "json"]);
         command.args(["--cameras", "cameras.json"]).args(more);
         let output = command.output().expect("starts");
         let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
@@ -47,9 +48,19 @@ fn an_export_looks_like_the_field_and_is_the_same_for_any_number_of_threads() {
     let (code, report) = export("c.ply", &["--splats", &half]);
     assert_eq!(code, Some(0), "{report}");
     assert!(report["details"]["splats"].as_u64().expect("a number") <= count / 2);
-    for (output, more, expected) in
-        [("d.obj", &[][..], 2), ("d.ply", &["--splats", "0"][..], 2), ("a.ply", &[], 7)]
-    {
+    let (code, report) = export("d.spz", &["--require-psnr", "28"]);
+    assert_eq!((code, &report["details"]["file_format"]), (Some(0), &"SPZ 3".into()), "{report}");
+    assert!(5 * bytes("d.spz").len() < file.len(), "a fifth");
+    let (code, report) = export("d.glb", &["--require-psnr", "28"]);
+    let format = "KHR_gaussian_splatting".into();
+    assert_eq!((code, &report["details"]["file_format"]), (Some(0), &format), "{report}");
+    assert_eq!(report["picture_size"], serde_json::json!([64, 64]));
+    for (output, more, expected) in [
+        ("e.obj", &[][..], 2),
+        ("e.ply", &["--splats", "0"][..], 2),
+        ("e.ply", &["--to", "spz"], 2),
+        ("a.ply", &[], 7),
+    ] {
         assert_eq!(export(output, more).0, Some(expected), "{output} {more:?}");
     }
 }

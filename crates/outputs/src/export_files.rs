@@ -89,6 +89,11 @@ impl WrittenFiles {
         Self { files: paths.into_iter().map(|path| (path.clone(), path)).collect() }
     }
 
+    /// The path of the first file.
+    pub fn first(&self) -> &Path {
+        self.files.first().map_or(Path::new(""), |(path, _)| path)
+    }
+
     /// The only file whose name has an extension.
     ///
     /// # Errors

@@ -7,3 +7,5 @@ mod mesh;
 mod mesh_world;
 mod render_plain;
 mod splat;
+mod splat_files;
+mod splat_world;

@@ -3,7 +3,7 @@
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use mipvog::model::camera::{Camera, Lens};
 use mipvog::model::harmonics::basis_f64;
-use mipvog_outputs::splat::{GaussianSplat, PARAMETERS, differentiate, rasterize};
+use mipvog_outputs::splat::{GaussianSplat, PARAMETERS, Rules, differentiate, rasterize};
 
 const BACKGROUND: [f32; 3] = [0.9, 0.5, 0.2];
 const SIZE: [usize; 2] = [37, 21];
@@ -36,7 +36,7 @@ fn camera() -> Camera {
 }
 
 /// A picture by the rules, pixel by pixel, splat by splat.
-fn plain(splats: &[[f64; PARAMETERS]], camera: &Camera) -> Vec<[f64; 3]> {
+fn plain(splats: &[[f64; PARAMETERS]], camera: &Camera, rules: Rules) -> Vec<[f64; 3]> {
     let axes = camera.to_world;
     let [right, up, back] = [axes.x_axis, axes.y_axis, axes.z_axis].map(|axis| axis.truncate());
     let view = DMat3::from_cols(right, -up, -back).transpose();
@@ -67,7 +67,8 @@ fn plain(splats: &[[f64; PARAMETERS]], camera: &Camera) -> Vec<[f64; 3]> {
         }
         let middle = DVec2::new(cx + fx * u, cy + fy * v);
         let opacity = 1.0 / (1.0 + (-splat[4]).exp());
-        shown.push((at.z, middle, ellipse.inverse(), opacity, color.map(|value| value.max(0.0))));
+        let depth = if rules.by_distance { away.length() } else { at.z };
+        shown.push((depth, middle, ellipse.inverse(), opacity, color.map(|value| value.max(0.0))));
     }
     shown.sort_by(|a, b| a.0.total_cmp(&b.0));
     let pixel = |number: usize| {
@@ -75,8 +76,9 @@ fn plain(splats: &[[f64; PARAMETERS]], camera: &Camera) -> Vec<[f64; 3]> {
         let (mut sum, mut passes) = ([0.0; 3], 1.0);
         for (_, middle, inverse, opacity, color) in &shown {
             let off = at - *middle;
-            let alpha = (opacity * (-0.5 * off.dot(*inverse * off)).exp()).min(0.99);
-            if alpha < 1.0 / 255.0 {
+            let square = off.dot(*inverse * off);
+            let alpha = (opacity * (-0.5 * square).exp()).min(0.99);
+            if alpha < 1.0 / 255.0 || square.sqrt() > f64::from(rules.reach) {
                 continue;
             }
             if passes * (1.0 - alpha) < 1e-4 {
@@ -97,11 +99,17 @@ fn doubles(splats: &[GaussianSplat]) -> Vec<[f64; PARAMETERS]> {
 
 #[test]
 fn pictures_are_those_of_the_plain_rules() {
-    for (count, directional) in [(0, 0.0), (1, 0.0), (60, 0.8), (900, 0.4)] {
+    for (count, directional, rules) in [
+        (0, 0.0, Rules::TRAINING),
+        (1, 0.0, Rules::TRAINING),
+        (60, 0.8, Rules::TRAINING),
+        (900, 0.4, Rules::TRAINING),
+        (900, 0.4, Rules::GLTF),
+    ] {
         let splats = splats(count, directional);
         let camera = camera();
-        let picture = rasterize(&splats, &camera, BACKGROUND).expect("a picture");
-        let expected = plain(&doubles(&splats), &camera);
+        let picture = rasterize(&splats, &camera, BACKGROUND, rules).expect("a picture");
+        let expected = plain(&doubles(&splats), &camera, rules);
         assert_eq!(picture.color.len(), expected.len());
         let off = picture.color.iter().zip(&expected).map(|(own, expected)| {
             let off = own.iter().zip(expected).map(|(a, b)| (f64::from(*a) - b).abs());
@@ -123,7 +131,7 @@ fn derivatives_are_those_of_the_plain_pictures() {
     let wanted: Vec<[f32; 3]> =
         (0..SIZE[0] * SIZE[1]).map(|_| [(); 3].map(|()| noise(seed))).collect();
     let error_of = |splats: &[[f64; PARAMETERS]]| {
-        let picture = plain(splats, &camera);
+        let picture = plain(splats, &camera, Rules::TRAINING);
         let pairs = picture.as_flattened().iter().zip(wanted.as_flattened());
         let sum: f64 = pairs.map(|(own, wanted)| (own - f64::from(*wanted)).powi(2)).sum();
         sum / (3 * wanted.len()) as f64

@@ -170,22 +170,74 @@ impl ViewMlp {
     /// View-dependent colour of up to [`RAYS`] rays: `directions` of unit length, and each ray's
     /// accumulated values, diffuse colour first.
     pub fn colors(&self, directions: &[[f64; 3]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
-        let embedding = 3 + 6 * self.frequencies;
-        let skip = match self.input {
-            ViewInput::DiffuseAndFeatures => 0,
-            ViewInput::Features => 3,
-        };
+        let embedding = self.embedding();
         let width = self.layers.first().map_or(0, |layer| layer.inputs);
         let mut values = vec![[0.0f32; RAYS]; width];
         for (ray, (direction, accumulated)) in directions.iter().zip(accumulated).enumerate() {
             self.embed(*direction, |i, value| values[i][ray] = value as f32);
-            for (i, &value) in accumulated[skip..].iter().take(width - embedding).enumerate() {
+            let own = accumulated[self.skipped()..].iter();
+            for (i, &value) in own.take(width - embedding).enumerate() {
                 values[embedding + i][ray] = value;
             }
         }
-        for (number, layer) in self.layers.iter().enumerate() {
+        self.through(values, 0)
+    }
+
+    /// The part of the first layer's sums that a direction makes, which is the same for all values:
+    /// for [`Self::colors_of_sums`].
+    pub fn direction_sums(&self, direction: [f64; 3]) -> Vec<f32> {
+        let mut inputs = vec![0.0f32; self.embedding()];
+        self.embed(direction, |i, value| inputs[i] = value as f32);
+        let Some(layer) = self.layers.first() else { return Vec::new() };
+        let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
+        let sum = |(weights, bias): (&[f32], &f32)| {
+            weights.iter().zip(&inputs).fold(*bias, |sum, (weight, input)| sum + weight * input)
+        };
+        rows.map(sum).collect()
+    }
+
+    /// As [`Self::colors`], of directions by their [`Self::direction_sums`], which leaves a third of
+    /// the work. `accumulated` are the values of each ray, or the only ones of all. Sums are rounded
+    /// in another order.
+    pub fn colors_of_sums(&self, sums: &[&[f32]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
+        let (embedding, skipped) = (self.embedding(), self.skipped());
+        let Some(layer) = self.layers.first() else { return [[0.0; 3]; RAYS] };
+        let is_last = self.layers.len() == 1;
+        let mut values = Vec::with_capacity(layer.bias.len());
+        for (row, weights) in layer.weights.chunks_exact(layer.inputs).enumerate() {
+            let own = |accumulated: &&[f32]| -> f32 {
+                let pairs = weights[embedding..].iter().zip(&accumulated[skipped..]);
+                pairs.map(|(weight, value)| weight * value).sum()
+            };
+            let mut lanes = [0.0f32; RAYS];
+            match accumulated {
+                [all] => lanes.fill(own(all)),
+                each => lanes.iter_mut().zip(each).for_each(|(lane, values)| *lane = own(values)),
+            }
+            lanes.iter_mut().zip(sums).for_each(|(lane, sums)| *lane += sums[row]);
+            values.push(activated(lanes, is_last));
+        }
+        self.through(values, 1)
+    }
+
+    /// Numbers of the embedding of a direction: the first inputs of the first layer.
+    fn embedding(&self) -> usize {
+        3 + 6 * self.frequencies
+    }
+
+    /// Accumulated values that the network does not take.
+    fn skipped(&self) -> usize {
+        match self.input {
+            ViewInput::DiffuseAndFeatures => 0,
+            ViewInput::Features => 3,
+        }
+    }
+
+    /// Values before a layer, through it and the rest of them.
+    fn through(&self, mut values: Vec<[f32; RAYS]>, first: usize) -> [[f32; 3]; RAYS] {
+        for (number, layer) in self.layers.iter().enumerate().skip(first) {
             let is_last = number + 1 == self.layers.len();
-            values = layer.apply(&values, is_last);
+            values = apply_to_rays(layer, &values, is_last);
         }
         std::array::from_fn(|ray| std::array::from_fn(|channel| values[channel][ray]))
     }
@@ -201,7 +253,7 @@ impl ViewMlp {
         by_accumulated: &mut [f32],
         workspace: &mut Workspace,
     ) -> [f32; 3] {
-        let embedding = 3 + 6 * self.frequencies;
+        let embedding = self.embedding();
         let Workspace { values, by } = workspace;
         values.resize_with(self.layers.len() + 1, Vec::new);
         by.resize_with(self.layers.len() + 1, Vec::new);
@@ -252,23 +304,29 @@ impl ViewMlp {
     }
 }
 
-impl Layer {
-    fn apply(&self, inputs: &[[f32; RAYS]], is_last: bool) -> Vec<[f32; RAYS]> {
-        let rows = self.weights.chunks_exact(self.inputs.max(1)).zip(&self.bias);
-        rows.map(|(weights, &bias)| {
-            let mut sums = [bias; RAYS];
-            for (input, &weight) in inputs.iter().zip(weights) {
-                for ray in 0..RAYS {
-                    sums[ray] += weight * input[ray];
-                }
-            }
-            match is_last {
-                true => sums.map(lanes::sigmoid),
-                false => sums.map(|sum| sum.max(0.0)),
-            }
-        })
-        .collect()
+/// Sums of a layer after its last function.
+#[inline(always)]
+fn activated(sums: [f32; RAYS], is_last: bool) -> [f32; RAYS] {
+    match is_last {
+        true => sums.map(lanes::sigmoid),
+        false => sums.map(|sum| sum.max(0.0)),
     }
+}
+
+/// A layer's outputs of [`RAYS`] rays side by side.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn apply_to_rays(layer: &Layer, inputs: &[[f32; RAYS]], is_last: bool) -> Vec<[f32; RAYS]> {
+    let mut outputs = Vec::with_capacity(layer.bias.len());
+    for (weights, &bias) in layer.weights.chunks_exact(layer.inputs.max(1)).zip(&layer.bias) {
+        let mut sums = [bias; RAYS];
+        for (input, &weight) in inputs.iter().zip(weights) {
+            for ray in 0..RAYS {
+                sums[ray] += weight * input[ray];
+            }
+        }
+        outputs.push(activated(sums, is_last));
+    }
+    outputs
 }
 
 #[cfg(test)]

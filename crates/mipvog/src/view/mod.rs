@@ -8,4 +8,4 @@ pub mod render;
 pub mod sample;
 
 pub use lattice::Lattice;
-pub use overview::{overview, panorama};
+pub use overview::{INSIDE_ANGLE, overview, panorama, standpoints};

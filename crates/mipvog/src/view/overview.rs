@@ -31,8 +31,10 @@ const AROUND: f64 = -0.96;
 const UP: f64 = 0.42;
 /// Places along each axis that a camera inside a world is looked for at.
 const PLACES: usize = 4;
+/// Other places inside a world are at least so far from everything, of the farthest one's distance.
+const NEARLY_AS_FREE: f64 = 0.3;
 /// Angle of the view inside a world, in radians.
-const INSIDE_ANGLE: f64 = 1.2;
+pub const INSIDE_ANGLE: f64 = 1.2;
 
 /// The camera, with a picture of `size` pixels.
 ///
@@ -60,7 +62,7 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
 
 /// The camera of a world.
 fn inside(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
-    let eye = standpoint(field, progress)?;
+    let eye = standpoints(field, 1, progress)?[0];
     let (middle, _) = sphere(&field.view().finest_bounds);
     // In the middle itself, the front is where that of objects is.
     let away = (eye - middle).try_normalize().unwrap_or(direction(AROUND, 0.0));
@@ -78,7 +80,7 @@ pub fn panorama(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Vec<Camera>> {
-    let eye = standpoint(field, progress)?;
+    let eye = standpoints(field, 1, progress)?[0];
     let lens = Lens::centered(size, 0.5 * INSIDE_ANGLE);
     let camera = |number: usize| {
         let away = direction(AROUND + std::f64::consts::TAU * number as f64 / count as f64, 0.0);
@@ -87,9 +89,13 @@ pub fn panorama(
     Ok((0..count).map(camera).collect())
 }
 
-/// The place in the middle half of the innermost box that is farthest from everything: boxes reach
+/// The places in the middle half of the innermost box that are farthest from everything, at most
+/// `most` and at least one: the farthest first, and others that are not much nearer. Boxes reach
 /// farther than the cameras of most scenes stand.
-fn standpoint(field: &Renderer, progress: &dyn Progress) -> Result<DVec3> {
+///
+/// # Errors
+/// Those of rendering, and `Cancelled`.
+pub fn standpoints(field: &Renderer, most: usize, progress: &dyn Progress) -> Result<Vec<DVec3>> {
     let bounds = &field.view().finest_bounds;
     let (middle, radius) = sphere(bounds);
     let extent = DVec3::from(bounds.extent());
@@ -114,13 +120,16 @@ fn standpoint(field: &Renderer, progress: &dyn Progress) -> Result<DVec3> {
         light.iter().map(reached).fold(far.x, f64::min)
     };
     let distances = light.chunks(around.len()).map(free);
-    let mut best = (middle, 0.0);
-    for (&place, distance) in places.iter().zip(distances) {
-        if distance > best.1 {
-            best = (place, distance);
-        }
-    }
-    Ok(best.0)
+    let mut free: Vec<(f64, DVec3)> = distances.zip(places).filter(|(at, _)| *at > 0.0).collect();
+    // Stable: of equally free places the first one.
+    free.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let least = free.first().map_or(0.0, |(distance, _)| NEARLY_AS_FREE * distance);
+    free.retain(|(distance, _)| *distance >= least);
+    free.truncate(most.max(1));
+    Ok(match free.is_empty() {
+        true => vec![middle],
+        false => free.into_iter().map(|(_, place)| place).collect(),
+    })
 }
 
 fn name() -> String {

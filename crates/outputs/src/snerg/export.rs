@@ -88,7 +88,7 @@ impl ExportFormat for Snerg {
     ) -> Result<Exported> {
         let grid = grid(source, options)?;
         let network = network_of(&source.field).filter(|network| runs(network));
-        let directions = network.is_none().then(|| Directions::spread(DIRECTIONS));
+        let directions = network.is_none().then(|| Directions::spread(&source.field, DIRECTIONS));
         let (field, level) = (&source.field, options.level);
         let texels = Texels { field, level, grid: &grid, directions: directions.as_ref() };
         let [x, y, z] = grid.blocks();

@@ -1,29 +1,39 @@
-//! Gaussian splats: a `.ply` with harmonics of degree 3, as viewers and converters of splats read
-//! it.
+//! Gaussian splats with harmonics of degree 3, as files that viewers and converters of splats read:
+//! `.ply`, `.spz` and glTF ([`files`]).
 //!
 //! Splats are round, and seen by the rules of their renderers ([`raster`]): projected to the
 //! picture as an ellipse, widened by 0.3 square pixels, sorted by depth, composited from front to
-//! back. They are made in four steps:
+//! back. They are made in five steps:
 //!
 //! 1. [`place`] puts one at each point of the lattice that lies at a surface or in fog, with the
-//!    field's opacity, and its colours from all around as harmonics;
-//! 2. pictures of the field from around the box, or from given cameras, are the targets;
+//!    field's opacity; of nested boxes each has a lattice of its own, and splats as large as its
+//!    spacing;
+//! 2. pictures of the field from around the box, from inside a world, or from given cameras, are
+//!    the [`targets`];
 //! 3. splats that show in no picture go, and beyond `--splats N` those that show least;
-//! 4. [`optimize`] moves each within its cell, and changes size, opacity and colours, by Adam along
+//! 4. the others get the field's colours from all around as harmonics;
+//! 5. [`optimize`] moves each within its cell, and changes size, opacity and colours, by Adam along
 //!    the derivatives of the mean square error.
 //!
 //! Everything is float32 in an order that threads do not change, without library functions that
 //! differ between machines: the same bytes everywhere.
 
+mod axes;
+mod files;
 mod format;
+mod gltf;
 mod optimize;
 mod place;
 mod ply;
 mod project;
 mod raster;
 mod shown;
+mod spz;
+mod targets;
+mod tile;
 
+pub use files::{FileKind, Origin};
 pub use format::Splat;
 pub use optimize::differentiate;
-pub use project::{GaussianSplat, PARAMETERS};
+pub use project::{GaussianSplat, PARAMETERS, Rules};
 pub use raster::{Picture, rasterize};

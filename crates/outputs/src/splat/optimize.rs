@@ -1,29 +1,42 @@
 //! Splats that look as the field does, in pictures of it.
 
-use super::project::{COLOR, GaussianSplat, OPACITY, PARAMETERS, SIZE};
+use super::project::{
+    ByProjected, COLOR, Eye, GaussianSplat, OPACITY, PARAMETERS, Rules, SIZE, by_parameters,
+};
 use super::raster::{Picture, draw};
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 
-/// Steps, a picture each: first with pictures of half the size, which cost a third and move splats
-/// as well, then with the whole pictures.
-const SMALL_STEPS: usize = 150;
-const WHOLE_STEPS: usize = 350;
-/// All of them.
-pub(super) const STEPS: usize = SMALL_STEPS + WHOLE_STEPS;
+/// Steps, a picture each. Twice as many gain 0.6 dB.
+pub(super) const STEPS: usize = 280;
 /// Lengths of the first steps: positions in shares of a cell, logarithms, logits, coefficients of
-/// band 0 and of the others. The last steps are a tenth as long.
-const POSITION: f32 = 0.04;
-const LENGTHS: [f32; 4] = [0.02, 0.05, 0.012, 0.003];
-/// Adam's means (Kingma and Ba 2015).
-const MEANS: [f32; 2] = [0.9, 0.99];
+/// band 0 and of the others.
+const LENGTHS: GaussianSplat = {
+    let mut lengths = [0.0025; PARAMETERS];
+    let (mut position, mut color) = (0, COLOR);
+    while position < SIZE {
+        lengths[position] = 0.05;
+        position += 1;
+    }
+    (lengths[SIZE], lengths[OPACITY]) = (0.04, 0.08);
+    while color < COLOR + 3 {
+        lengths[color] = 0.015;
+        color += 1;
+    }
+    lengths
+};
+/// The share of these lengths that the last steps have.
+const LAST: f32 = 0.03;
+/// Adam's means (Kingma and Ba 2015). Each picture shows other splats, so that squares are
+/// remembered for few of them.
+const MEANS: [f32; 2] = [0.9, 0.95];
 const LEAST: f32 = 1e-12;
 /// Splats that a thread changes at once.
 const CHUNK: usize = 4096;
-/// Logarithms of sizes beyond the first ones, at most.
-const GROWS: f32 = 1.1;
+/// Logarithms of sizes less the first ones, at least and at most.
+pub(super) const GROWTH: [f32; 2] = [-2.2, 1.1];
 
 /// A picture of the field.
 #[derive(Debug)]
@@ -34,7 +47,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// The picture at half the size.
+    /// The picture at half the size, which tells what shows as well.
     pub(super) fn small(&self) -> Self {
         let lens = &self.camera.lens;
         let [width, height] = [lens.width, lens.height].map(|side| (side / 2).max(1));
@@ -56,14 +69,15 @@ impl Target {
 pub(super) struct Fit {
     pub(super) splats: Vec<GaussianSplat>,
     states: Vec<State>,
-    /// Edges of a cell, which a centre does not leave.
-    cell: [f32; 3],
     background: [f32; 3],
 }
 
 #[derive(Debug, Clone)]
 struct State {
-    first: GaussianSplat,
+    /// Where the centre was, and the logarithm of the size.
+    first: [f32; SIZE + 1],
+    /// Edges of a cell, which the centre does not leave.
+    cell: [f32; 3],
     means: [GaussianSplat; 2],
 }
 
@@ -78,9 +92,22 @@ pub fn differentiate(
     wanted: &[[f32; 3]],
     background: [f32; 3],
 ) -> Result<(f64, Vec<Option<GaussianSplat>>)> {
-    let drawn = draw(splats, camera, background)?;
-    let (error, by_picture) = mean_square_error(&drawn.picture, wanted);
-    Ok((error, drawn.by_splats(splats, &by_picture, background)?))
+    let (error, eye, by) = by_projections(splats, camera, wanted, background)?;
+    let by = splats.iter().zip(by).map(|(splat, by)| Some(by_parameters(splat, &eye, &by?)));
+    Ok((error, by.collect()))
+}
+
+/// The same by the projection of each splat, and the camera as splats see it.
+fn by_projections(
+    splats: &[GaussianSplat],
+    camera: &Camera,
+    wanted: &[[f32; 3]],
+    background: [f32; 3],
+) -> Result<(f64, Eye, Vec<Option<ByProjected>>)> {
+    let drawn = draw(splats, camera, Rules::TRAINING)?;
+    let (error, by_picture) = mean_square_error(&drawn.picture(background), wanted);
+    let by = drawn.by_projected(&by_picture, background)?;
+    Ok((error, drawn.eye, by))
 }
 
 /// The mean square error of a picture, and its derivatives by the picture's colours.
@@ -100,37 +127,22 @@ fn mean_square_error(picture: &Picture, wanted: &[[f32; 3]]) -> (f64, Vec<[f32; 
 }
 
 impl Fit {
-    pub(super) fn new(splats: Vec<GaussianSplat>, cell: [f32; 3], background: [f32; 3]) -> Self {
-        let nothing = [[0.0; PARAMETERS]; 2];
-        let states = splats.iter().map(|&first| State { first, means: nothing }).collect();
-        Self { splats, states, cell, background }
+    /// Of splats and the edges of the cell of each.
+    pub(super) fn new(splats: Vec<(GaussianSplat, [f32; 3])>, background: [f32; 3]) -> Self {
+        let means = [[0.0; PARAMETERS]; 2];
+        let state = |&(splat, cell): &(GaussianSplat, [f32; 3])| {
+            let first = std::array::from_fn(|place| splat[place]);
+            State { first, cell, means }
+        };
+        let states = splats.iter().map(state).collect();
+        Self { splats: splats.into_iter().map(|(splat, _)| splat).collect(), states, background }
     }
 
-    /// Keeps the splats that show in some picture, at most `most` of them: those that show most.
-    pub(super) fn prune(&mut self, targets: &[Target], most: usize, least: f32) -> Result<()> {
-        let mut weights = vec![0.0f32; self.splats.len()];
-        for target in targets {
-            draw(&self.splats, &target.camera, self.background)?.weights(&mut weights)?;
-        }
-        let mut order: Vec<usize> =
-            (0..weights.len()).filter(|&number| weights[number] > least).collect();
-        order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]).then(a.cmp(&b)));
-        order.truncate(most);
-        order.sort_unstable();
-        self.splats = order.iter().map(|&number| self.splats[number]).collect();
-        self.states = order.iter().map(|&number| self.states[number].clone()).collect();
-        Ok(())
-    }
-
-    /// Takes all steps, with the pictures of half the size and the whole ones. [`Step::Fit`] advances
-    /// by one each.
-    pub(super) fn run(
-        &mut self,
-        [small, whole]: [&[Target]; 2],
-        progress: &dyn Progress,
-    ) -> Result<()> {
+    /// Takes all steps. [`Step::Fit`] advances by one each.
+    pub(super) fn run(&mut self, targets: &[Target], progress: &dyn Progress) -> Result<()> {
         // Neighbours of a circle come far apart.
-        let stride = (2..whole.len()).rev().find(|&by| coprime(by, whole.len())).unwrap_or(1);
+        let count = targets.len();
+        let stride = (2..count).rev().find(|&by| coprime(by, count)).unwrap_or(1);
         for step in 0..STEPS {
             if progress.cancelled() {
                 return Err(Error::cancelled());
@@ -138,54 +150,90 @@ impl Fit {
             if progress.enough() {
                 break;
             }
-            let targets = if step < SMALL_STEPS { small } else { whole };
-            let target = &targets[(step * stride.max(1)) % targets.len()];
-            let (_, by) =
-                differentiate(&self.splats, &target.camera, &target.color, self.background)?;
+            let target = &targets[(step * stride) % count];
+            let (_, eye, by) =
+                by_projections(&self.splats, &target.camera, &target.color, self.background)?;
             let share = step as f32 / STEPS as f32;
-            self.step(&by, step + 1, 1.0 - 0.9 * share)?;
+            self.step(&eye, &by, step + 1, 1.0 - (1.0 - LAST) * share)?;
             progress.advance(Step::Fit, 1);
         }
         Ok(())
     }
 
-    fn step(&mut self, by: &[Option<GaussianSplat>], count: usize, shrunk: f32) -> Result<()> {
+    fn step(
+        &mut self,
+        eye: &Eye,
+        by: &[Option<ByProjected>],
+        count: usize,
+        shrunk: f32,
+    ) -> Result<()> {
         let corrections = MEANS.map(|mean| 1.0 - power(mean, count));
-        let cell = self.cell;
-        let smallest = cell.iter().copied().fold(f32::INFINITY, f32::min);
         let splats = self.splats.chunks_mut(CHUNK).zip(self.states.chunks_mut(CHUNK));
         let mut parts: Vec<_> = splats.zip(by.chunks(CHUNK)).collect();
         parallel::map_mut(&mut parts, |_, ((splats, states), by)| {
             for ((splat, state), by) in splats.iter_mut().zip(states.iter_mut()).zip(by.iter()) {
                 // A splat that this picture does not show stays as it is.
                 let Some(by) = by else { continue };
-                for place in 0..PARAMETERS {
-                    let [mean, square] = &mut state.means;
-                    let slope = by[place];
-                    mean[place] = MEANS[0] * mean[place] + (1.0 - MEANS[0]) * slope;
-                    square[place] = MEANS[1] * square[place] + (1.0 - MEANS[1]) * slope * slope;
-                    let mean = mean[place] / corrections[0];
-                    let root = (square[place] / corrections[1]).sqrt();
-                    let length = match place {
-                        0..SIZE => POSITION * smallest,
-                        SIZE => LENGTHS[0],
-                        OPACITY => LENGTHS[1],
-                        _ if place < COLOR + 3 => LENGTHS[2],
-                        _ => LENGTHS[3],
-                    };
-                    splat[place] -= shrunk * length * mean / (root + LEAST);
-                }
-                for axis in 0..3 {
-                    let (from, reach) = (state.first[axis], 0.75 * cell[axis]);
-                    splat[axis] = splat[axis].clamp(from - reach, from + reach);
-                }
-                splat[SIZE] =
-                    splat[SIZE].clamp(state.first[SIZE] - 2.0 * GROWS, state.first[SIZE] + GROWS);
+                let slopes = by_parameters(splat, eye, by);
+                state.change(splat, &slopes, corrections, shrunk);
             }
             Ok(())
         })?;
         Ok(())
     }
+}
+
+impl State {
+    /// A step of Adam, and the bounds of what it may change.
+    fn change(
+        &mut self,
+        splat: &mut GaussianSplat,
+        slopes: &GaussianSplat,
+        corrections: [f32; 2],
+        shrunk: f32,
+    ) {
+        let smallest = self.cell.iter().copied().fold(f32::INFINITY, f32::min);
+        let mut lengths = LENGTHS;
+        lengths[..SIZE].iter_mut().for_each(|length| *length *= smallest);
+        let [mean, square] = &mut self.means;
+        let [of_mean, of_square] = corrections.map(|correction| 1.0 / correction);
+        for place in 0..PARAMETERS {
+            let slope = slopes[place];
+            mean[place] = MEANS[0] * mean[place] + (1.0 - MEANS[0]) * slope;
+            square[place] = MEANS[1] * square[place] + (1.0 - MEANS[1]) * slope * slope;
+            let root = (square[place] * of_square).sqrt();
+            splat[place] -= shrunk * lengths[place] * (mean[place] * of_mean) / (root + LEAST);
+        }
+        for axis in 0..3 {
+            let (from, reach) = (self.first[axis], 0.75 * self.cell[axis]);
+            splat[axis] = splat[axis].clamp(from - reach, from + reach);
+        }
+        let [least, most] = GROWTH.map(|by| self.first[SIZE] + by);
+        splat[SIZE] = splat[SIZE].clamp(least, most);
+    }
+}
+
+/// The numbers of the splats that have more than `least` of a pixel's light in some picture, at most
+/// `most` of them: those that have most.
+///
+/// # Errors
+/// A request to stop.
+pub(super) fn visible(
+    splats: &[GaussianSplat],
+    targets: &[Target],
+    most: usize,
+    least: f32,
+) -> Result<Vec<usize>> {
+    let mut weights = vec![0.0f32; splats.len()];
+    for target in targets {
+        draw(splats, &target.camera, Rules::TRAINING)?.weights(&mut weights)?;
+    }
+    let mut order: Vec<usize> =
+        (0..weights.len()).filter(|&number| weights[number] > least).collect();
+    order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]).then(a.cmp(&b)));
+    order.truncate(most);
+    order.sort_unstable();
+    Ok(order)
 }
 
 /// A power, the same on every machine.

@@ -25,26 +25,43 @@ const WIDENED: f32 = 0.3;
 /// Nearer splats are not drawn, in world units.
 const NEAREST: f64 = 1e-3;
 /// Opacity below which a splat is not drawn at a pixel.
-pub(super) const FAINT: f32 = 1.0 / 255.0;
+const FAINT: f32 = 1.0 / 255.0;
 /// Directions count up to this many times the picture's half, so that splats far beside it do not
 /// become huge.
 const BESIDE: f64 = 1.3;
+
+/// What renderers of a file do in a way of their own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rules {
+    /// Splats are sorted by their distance from the camera instead of their depth.
+    pub by_distance: bool,
+    /// Standard deviations from its centre beyond which a splat is cut off.
+    pub reach: f32,
+}
+
+impl Rules {
+    /// Those of the training code of 3D Gaussian Splatting.
+    pub const TRAINING: Self = Self { by_distance: false, reach: f32::INFINITY };
+    /// Those of glTF's extension `KHR_gaussian_splatting`.
+    pub const GLTF: Self = Self { by_distance: true, reach: 3.0 };
+}
 
 /// A camera as splats see it.
 #[derive(Debug)]
 pub(super) struct Eye {
     pub(super) lens: Lens,
+    rules: Rules,
     position: DVec3,
     /// World to the camera's axes: right, down, forwards.
     turn: DMat3,
 }
 
 impl Eye {
-    pub(super) fn of(camera: &Camera) -> Self {
+    pub(super) fn of(camera: &Camera, rules: Rules) -> Self {
         let axes = camera.to_world;
         let [x, y, z] = [axes.x_axis, axes.y_axis, axes.z_axis].map(|axis| axis.truncate());
         let turn = DMat3::from_cols(x, -y, -z).transpose();
-        Self { lens: camera.lens, position: axes.w_axis.truncate(), turn }
+        Self { lens: camera.lens, rules, position: axes.w_axis.truncate(), turn }
     }
 }
 
@@ -74,45 +91,15 @@ pub(super) struct ByProjected {
 }
 
 impl ByProjected {
-    /// Adds a pixel: `opacity` there, what passes `before` the splat, derivatives by the pixel's
-    /// colour, and what comes from `behind`, to which the splat is added. Returns the derivative by
-    /// the opacity.
-    #[inline(always)]
-    pub(super) fn add_color(
-        &mut self,
-        splat: &Projected,
-        [opacity, before]: [f32; 2],
-        by_pixel: [f32; 3],
-        behind: &mut [f32; 3],
-    ) -> f32 {
-        let mut by_opacity = 0.0;
-        for channel in 0..3 {
-            self.color[channel] += opacity * before * by_pixel[channel];
-            let gain = splat.color[channel] - behind[channel];
-            by_opacity += by_pixel[channel] * before * gain;
-            behind[channel] += opacity * gain;
-        }
-        by_opacity
-    }
-
-    /// Adds a pixel at an `offset` from the middle: derivatives by the splat's own opacity, and by
-    /// the exponent of its Gaussian.
-    #[inline(always)]
-    pub(super) fn add_opacity(
-        &mut self,
-        splat: &Projected,
-        [dx, dy]: [f32; 2],
-        by_opacity: f32,
-        by_exponent: f32,
-    ) {
-        let [xx, xy, yy] = splat.inverse;
-        let by = [xx * dx + xy * dy, xy * dx + yy * dy];
-        self.opacity += by_opacity;
-        self.middle[0] += by_exponent * by[0];
-        self.middle[1] += by_exponent * by[1];
-        self.covariance[0] += 0.5 * by_exponent * by[0] * by[0];
-        self.covariance[1] += 0.5 * by_exponent * by[0] * by[1];
-        self.covariance[2] += 0.5 * by_exponent * by[1] * by[1];
+    /// Adds those of other pixels.
+    pub(super) fn add(&mut self, other: &Self) {
+        let add = |sums: &mut [f32], own: &[f32]| {
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        };
+        add(&mut self.middle, &other.middle);
+        add(&mut self.covariance, &other.covariance);
+        add(&mut self.color, &other.color);
+        self.opacity += other.opacity;
     }
 }
 
@@ -159,7 +146,8 @@ pub(super) fn project(splat: &GaussianSplat, eye: &Eye) -> Option<Projected> {
     if opacity <= FAINT {
         return None;
     }
-    let drawn = 2.0 * lanes::ln(f64::from(opacity / FAINT)) as f32;
+    let cut = eye.rules.reach * eye.rules.reach;
+    let drawn = (2.0 * lanes::ln(f64::from(opacity / FAINT)) as f32).min(cut);
     let reach = [xx, yy].map(|value| (value * drawn).sqrt());
     let sides = [eye.lens.width as f32, eye.lens.height as f32];
     if (0..2).any(|i| middle[i] + reach[i] < 0.0 || middle[i] - reach[i] > sides[i]) {
@@ -175,7 +163,7 @@ pub(super) fn project(splat: &GaussianSplat, eye: &Eye) -> Option<Projected> {
         inverse: [yy / determinant, -xy / determinant, xx / determinant],
         reach,
         drawn,
-        depth: at.z as f32,
+        depth: if eye.rules.by_distance { at.length() as f32 } else { at.z as f32 },
         opacity,
         color: color.map(|channel| channel.max(0.0)),
     })

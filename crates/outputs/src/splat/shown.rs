@@ -1,6 +1,6 @@
 //! Written splats, seen by the rules of their renderers.
 
-use super::project::GaussianSplat;
+use super::project::{GaussianSplat, Rules};
 use super::raster::rasterize;
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
@@ -11,6 +11,7 @@ use crate::model::camera::Camera;
 #[derive(Debug)]
 pub(super) struct ShownSplats {
     pub(super) splats: Vec<GaussianSplat>,
+    pub(super) rules: Rules,
     pub(super) background: [f32; 3],
 }
 
@@ -19,6 +20,6 @@ impl Shown for ShownSplats {
         if progress.cancelled() {
             return Err(Error::cancelled());
         }
-        Ok(rasterize(&self.splats, camera, self.background)?.color)
+        Ok(rasterize(&self.splats, camera, self.background, self.rules)?.color)
     }
 }

@@ -11,8 +11,11 @@ use crate::base::progress::Progress;
 use crate::model::grid::Nodes;
 use crate::view::render::{BEFORE, Directions, Renderer};
 
-/// Nodes along the edge of a block of colours.
-const EDGE: usize = 8;
+/// Nodes along the edge of a block of colours. Densities around a block are found for it alone, so
+/// small blocks find most of them several times.
+const EDGE: usize = 16;
+/// Nodes along the edge of a part of a block and its surroundings that is skipped if it is empty.
+const PART: usize = 4;
 /// Colours of the nodes of a block, with 1 behind them, or 0 for a node that was not asked.
 type Block = Vec<[f32; 4]>;
 
@@ -79,6 +82,8 @@ impl MeanColors {
         let at: [f64; 3] = std::array::from_fn(|axis| share[axis] * (sizes[axis] - 1) as f64);
         let low: [usize; 3] =
             std::array::from_fn(|axis| (at[axis] as usize).min(sizes[axis].saturating_sub(2)));
+        let home = low.map(|node| node / EDGE);
+        let own = self.blocks.get(&home);
         let mut sum = [0.0f32; 4];
         for corner in 0..8usize {
             let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
@@ -86,8 +91,14 @@ impl MeanColors {
                 let fraction = (at[axis] - low[axis] as f64) as f32;
                 weight * if up[axis] == 1 { fraction } else { 1.0 - fraction }
             });
+            if weight == 0.0 {
+                continue;
+            }
             let node: [usize; 3] = std::array::from_fn(|axis| low[axis] + up[axis]);
-            let Some(block) = self.blocks.get(&node.map(|node| node / EDGE)) else { continue };
+            let there = node.map(|node| node / EDGE);
+            // Most corners are in the same block.
+            let block = if there == home { own } else { self.blocks.get(&there) };
+            let Some(block) = block else { continue };
             let [x, y, z] = node.map(|node| node % EDGE);
             let color = block[(x * EDGE + y) * EDGE + z];
             // Nodes that were not asked have weight 0.
@@ -132,14 +143,27 @@ impl Nearby {
         let sides: [usize; 3] = std::array::from_fn(|axis| {
             (block[axis] + EDGE + reach[axis]).min(nodes.0[axis]) - first[axis]
         });
-        let density = |i: usize| {
-            let inside = [i / sides[2] / sides[1], i / sides[2] % sides[1], i % sides[2]];
-            let share = std::array::from_fn(|axis| {
+        let share = |inside: [usize; 3]| -> [f64; 3] {
+            std::array::from_fn(|axis| {
                 (first[axis] + inside[axis]) as f64 / (nodes.0[axis] - 1) as f64
-            });
-            field.density_at(share, level)
+            })
         };
-        let densities = (0..sides.iter().product()).map(density).collect();
+        let mut densities = vec![0.0; sides.iter().product()];
+        let parts = sides.map(|side| side.div_ceil(PART));
+        for number in 0..parts.iter().product() {
+            let part = [number / parts[2] / parts[1], number / parts[2] % parts[1], number];
+            let start = [part[0], part[1], part[2] % parts[2]].map(|part| part * PART);
+            let end: [usize; 3] = std::array::from_fn(|axis| (start[axis] + PART).min(sides[axis]));
+            if field.is_empty([share(start), share(end.map(|end| end - 1))], level) {
+                continue;
+            }
+            for (x, y) in (start[0]..end[0]).flat_map(|x| (start[1]..end[1]).map(move |y| (x, y))) {
+                for z in start[2]..end[2] {
+                    densities[(x * sides[1] + y) * sides[2] + z] =
+                        field.density_at(share([x, y, z]), level);
+                }
+            }
+        }
         Self { nodes, first, sides, densities }
     }
 

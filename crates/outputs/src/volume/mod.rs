@@ -13,5 +13,5 @@ mod sparse;
 
 pub use leaf::{Leaf, LeafMask, POINTS, SIDE, place_of, points};
 pub use model::{Extinction, VolumeModel, VolumePoints};
-pub use request::{lattice, lost, volume};
+pub use request::{lattice, lattice_of, lost, volume};
 pub use sparse::{SparseVolume, VolumeOptions};

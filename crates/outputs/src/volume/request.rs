@@ -4,7 +4,7 @@ use super::sparse::{SparseVolume, VolumeOptions, level_nodes};
 use crate::base::error::{Error, Result};
 use crate::base::progress::Progress;
 use crate::format::{ExportOptions, ExportSource};
-use crate::model::grid::Nodes;
+use crate::model::grid::{Bounds, Nodes};
 use crate::view::Lattice;
 
 /// The largest number of points between two nodes.
@@ -18,7 +18,22 @@ const FEWEST_CELLS: usize = 2;
 ///
 /// Options out of range, and more points than the limits allow.
 pub fn lattice(source: &ExportSource, options: &ExportOptions, factor: usize) -> Result<Lattice> {
-    let (bounds, limits) = (&source.field.view().bounds, &options.limits);
+    let nodes = Nodes(level_nodes(&source.field, options.level));
+    lattice_of(&source.field.view().bounds, nodes, options, factor)
+}
+
+/// The same of a box with other nodes.
+///
+/// # Errors
+///
+/// As [`lattice`].
+pub fn lattice_of(
+    bounds: &Bounds,
+    nodes: Nodes,
+    options: &ExportOptions,
+    factor: usize,
+) -> Result<Lattice> {
+    let limits = &options.limits;
     let factor = options.supersample.unwrap_or(factor);
     let factors = format!("1 to {MOST_POINTS}");
     Error::require_option((1..=MOST_POINTS).contains(&factor), "supersample", factor, &factors)?;
@@ -28,10 +43,7 @@ pub fn lattice(source: &ExportSource, options: &ExportOptions, factor: usize) ->
             Error::require_option(cells >= FEWEST_CELLS, "resolution", cells, expected)?;
             Lattice::of_cubes(bounds, cells, limits)
         }
-        None => {
-            let nodes = Nodes(level_nodes(&source.field, options.level));
-            Lattice::of_nodes(bounds, nodes, factor, limits)
-        }
+        None => Lattice::of_nodes(bounds, nodes, factor, limits),
     }
 }
 

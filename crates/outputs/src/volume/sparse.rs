@@ -7,9 +7,8 @@
 //!    black at every surface.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 
-use super::leaf::{Leaf, POINTS, SIDE, contains, insert, place_of, points};
+use super::leaf::{Leaf, LeafMask, POINTS, SIDE, contains, insert, place_of, points};
 use super::mean_colors::MeanColors;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -29,10 +28,6 @@ const DIRECTIONS: usize = 16;
 /// Steps of a mean colour from 0 to 1, display-referred. They are finer than those of the pictures
 /// that fields are trained on, and equal neighbours compress.
 const MEAN_STEPS: u16 = 511;
-
-/// The rank of a neighbour among [`neighbours`], nearest first, and its colour.
-type Neighbour = (u8, [f32; 3]);
-const NO_RANK: u8 = u8::MAX;
 
 /// The values that a volume is made of.
 #[derive(Debug, Clone, Copy)]
@@ -114,7 +109,7 @@ impl SparseVolume {
         progress: &dyn Progress,
     ) -> Result<()> {
         let (lattice, level, features) = (&self.lattice, options.level, self.features);
-        let directions = Directions::spread(DIRECTIONS);
+        let directions = Directions::spread(field, DIRECTIONS);
         let is_mean = field.is_model() || field.view().view_dependence.is_some();
         let nodes = Nodes(level_nodes(field, level));
         let dense = lattice.counts().iter().zip(nodes.0).all(|(&count, nodes)| count > nodes);
@@ -165,63 +160,105 @@ impl SparseVolume {
     /// Gives points beside occupied ones the colour of their nearest occupied neighbour. Of equally
     /// near ones it is one along z, whose value is stored beside: such bytes compress.
     fn color_neighbours(&mut self, beyond: bool, budget: &mut Budget) -> Result<()> {
-        let by_place: HashMap<[i32; 3], usize> =
-            self.leaves.iter().enumerate().map(|(number, leaf)| (leaf.at, number)).collect();
-        let steps = neighbours();
-        let mut nearest: HashMap<[i32; 3], Vec<Neighbour>> = HashMap::new();
-        let margin = i32::from(beyond);
+        let by_place: HashMap<[i32; 3], &Leaf> =
+            self.leaves.iter().map(|leaf| (leaf.at, leaf)).collect();
+        let around = |at: [i32; 3]| CUBE.map(|step| [0, 1, 2].map(|axis| at[axis] + step[axis]));
+        let mut places: Vec<[i32; 3]> = by_place.keys().flat_map(|&at| around(at)).collect();
+        places.sort_unstable();
+        places.dedup();
+        let (steps, margin) = (neighbours(), i32::from(beyond));
         let ends = self.lattice.counts().map(|count| count as i32 + margin);
-        for leaf in &self.leaves {
-            for point in points(&leaf.occupied) {
-                let own = place(leaf.at, point).map(|at| at as i32);
-                for (rank, step) in (0..).zip(&steps) {
-                    let at: [i32; 3] = std::array::from_fn(|axis| own[axis] + step[axis]);
-                    if (0..3).any(|axis| at[axis] < -margin || at[axis] >= ends[axis]) {
-                        continue;
-                    }
-                    let (home, inside) = home(at);
-                    let there = match home == leaf.at {
-                        true => Some(leaf),
-                        false => by_place.get(&home).map(|&number| &self.leaves[number]),
-                    };
-                    if there.is_some_and(|leaf| contains(&leaf.occupied, inside)) {
-                        continue;
-                    }
-                    let places = match nearest.entry(home) {
-                        Entry::Occupied(there) => there.into_mut(),
-                        Entry::Vacant(free) => {
-                            spend(budget, POINTS * size_of::<Neighbour>())?;
-                            // Without a leaf of its own it gets one.
-                            let is_new = !by_place.contains_key(&home);
-                            spend(budget, if is_new { Leaf::bytes(self.features) } else { 0 })?;
-                            free.insert(vec![(NO_RANK, [0.0; 3]); POINTS])
-                        }
-                    };
-                    if rank < places[inside].0 {
-                        places[inside] = (rank, leaf.color[point]);
-                    }
+        let found = parallel::map(places.len(), |number| {
+            let at = places[number];
+            let leaves = around(at).map(|at| by_place.get(&at).copied());
+            let Some(beside) = beside_occupied(&leaves) else { return Ok(None) };
+            let mut colors = Vec::new();
+            for point in points(&beside) {
+                let own = place_of(point).map(|at| at as i32);
+                if (0..3).any(|axis| {
+                    let place = at[axis] * SIDE as i32 + own[axis];
+                    place < -margin || place >= ends[axis]
+                }) {
+                    continue;
                 }
+                let nearest = steps.iter().find_map(|step| {
+                    let (home, inside) = home([0, 1, 2].map(|axis| own[axis] - step[axis]));
+                    let leaf = leaves[cube_number(home)]?;
+                    contains(&leaf.occupied, inside).then(|| leaf.color[inside])
+                });
+                colors.extend(nearest.map(|color| (point, color)));
             }
-        }
-        for (at, places) in nearest {
-            let number = by_place.get(&at).copied().unwrap_or_else(|| {
-                let mut leaf = Leaf::empty(at);
-                leaf.color = vec![[0.0; 3]; POINTS];
-                leaf.features = vec![0.0; self.features * POINTS];
-                self.leaves.push(leaf);
-                self.leaves.len() - 1
-            });
-            let leaf = &mut self.leaves[number];
-            for (point, &(rank, color)) in places.iter().enumerate() {
-                if rank != NO_RANK {
-                    insert(&mut leaf.colored, point);
-                    leaf.color[point] = color;
+            Ok((!colors.is_empty()).then_some(colors))
+        })?;
+        let numbers: HashMap<[i32; 3], usize> =
+            self.leaves.iter().enumerate().map(|(number, leaf)| (leaf.at, number)).collect();
+        for (at, colors) in places.iter().zip(found) {
+            let Some(colors) = colors else { continue };
+            let number = match numbers.get(at) {
+                Some(&number) => number,
+                None => {
+                    spend(budget, Leaf::bytes(self.features))?;
+                    let mut leaf = Leaf::empty(*at);
+                    leaf.color = vec![[0.0; 3]; POINTS];
+                    leaf.features = vec![0.0; self.features * POINTS];
+                    self.leaves.push(leaf);
+                    self.leaves.len() - 1
                 }
+            };
+            let leaf = &mut self.leaves[number];
+            for (point, color) in colors {
+                insert(&mut leaf.colored, point);
+                leaf.color[point] = color;
             }
         }
         self.leaves.sort_by_key(|leaf| leaf.at);
         Ok(())
     }
+}
+
+/// Steps to the 27 leaves around a leaf and to itself.
+const CUBE: [[i32; 3]; 27] = {
+    let mut cube = [[0; 3]; 27];
+    let mut number = 0;
+    while number < 27 {
+        let at = number as i32;
+        cube[number] = [at / 9 - 1, at / 3 % 3 - 1, at % 3 - 1];
+        number += 1;
+    }
+    cube
+};
+
+/// The place of a step in [`CUBE`].
+fn cube_number([x, y, z]: [i32; 3]) -> usize {
+    (9 * (x + 1) + 3 * (y + 1) + z + 1) as usize
+}
+
+/// The points of a leaf that are not occupied, but beside an occupied point of it or of the leaves
+/// around it, which are in the order of [`CUBE`]. None if there are none.
+fn beside_occupied(leaves: &[Option<&Leaf>; 27]) -> Option<LeafMask> {
+    const ROWS: usize = SIDE + 2;
+    // Bit `z + 1` of a row is the point at `z`: rows have a point of the next leaves at both ends.
+    let mut rows = [[0u16; ROWS]; ROWS];
+    for (x, y) in (0..ROWS).flat_map(|x| (0..ROWS).map(move |y| (x, y))) {
+        let own = [x, y].map(|at| at as i32 - 1);
+        let row = |z: i32| {
+            let (home, inside) = home([own[0], own[1], z]);
+            let leaf = leaves[cube_number(home)]?;
+            // The eight points of a row are a byte of the mask.
+            Some((leaf.occupied[inside / 64] >> (inside / SIDE % 8 * 8) & 0xff) as u16)
+        };
+        let [before, middle, behind] = [-1, 0, SIDE as i32].map(|z| row(z).unwrap_or(0));
+        rows[x][y] = before >> 7 | middle << 1 | (behind & 1) << 9;
+    }
+    let mut beside: LeafMask = [0; POINTS / 64];
+    for (x, y) in (0..SIDE).flat_map(|x| (0..SIDE).map(move |y| (x, y))) {
+        let near = rows[x..x + 3].iter().flat_map(|rows| &rows[y..y + 3]);
+        let any = near.fold(0, |any, row| any | row);
+        let grown = (any | any << 1 | any >> 1) & !rows[x + 1][y + 1];
+        let first = (x * SIDE + y) * SIDE;
+        beside[first / 64] |= u64::from(grown >> 1 & 0xff) << (first % 64);
+    }
+    (beside != [0; POINTS / 64]).then_some(beside)
 }
 
 /// Takes bytes from the budget of a volume.

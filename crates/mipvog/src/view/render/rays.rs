@@ -11,6 +11,7 @@ use crate::model::camera::Ray;
 use crate::model::harmonics::basis;
 use crate::model::trained_model::{RayColor, TrainedModel};
 use crate::model::view_dependence::ViewDependence;
+use crate::model::view_mlp::RAYS;
 use crate::view::sample::SampleLevels;
 use crate::view::sample::View;
 
@@ -66,12 +67,18 @@ impl Renderer {
                 return Ok(directions.iter().map(color).collect());
             }
         };
-        let color = |&direction| {
-            let values = sample.values_from(direction);
-            let added = network.colors(&[direction], &[&values])[0];
-            [0, 1, 2].map(|channel| values[channel] + added[channel])
-        };
-        Ok(directions.iter().map(color).collect())
+        let mut colors = Vec::with_capacity(directions.len());
+        for directions in directions.chunks(RAYS) {
+            let values: Vec<Vec<f32>> =
+                directions.iter().map(|&direction| sample.values_from(direction)).collect();
+            let values: Vec<&[f32]> = values.iter().map(Vec::as_slice).collect();
+            let added = network.colors(directions, &values);
+            let color = |(own, added): (&&[f32], [f32; 3])| {
+                [0, 1, 2].map(|channel| own[channel] + added[channel])
+            };
+            colors.extend(values.iter().zip(added).map(color));
+        }
+        Ok(colors)
     }
 }
 

@@ -18,6 +18,9 @@ pub const BEFORE: u32 = 4;
 const HIDDEN: f64 = 1e-3;
 /// Directions with less than this share of the freest one's light do not count.
 const FAINTEST: f64 = 1e-2;
+/// Optical depth before a point from which a direction does not count, whatever the others have:
+/// `exp(-12)` is below the product of the two shares above.
+const BLOCKED: f64 = 12.0;
 
 impl Renderer {
     /// Levels of the field; 0 is the finest.
@@ -108,8 +111,9 @@ impl Renderer {
 
     /// The mean of a place's colours over directions, each limited to 0 to 1; its diffuse colour
     /// where no colour depends on the direction. A direction counts as far as light passes the
-    /// nearest density towards the eye: nobody has trained what walls look like from inside.
-    /// `share` is a place in shares of the box.
+    /// nearest density towards the eye: nobody has trained what walls look like from inside. A place
+    /// that is hidden from all sides has its diffuse colour, where a network would take time for
+    /// nothing. `share` is a place in shares of the box.
     pub fn mean_color(&self, share: [f64; 3], level: usize, directions: &Directions) -> [f32; 3] {
         self.mean_color_behind(share, level, directions, |at| self.density_at(at, level))
     }
@@ -129,7 +133,14 @@ impl Renderer {
             sum.iter_mut().zip(shown).for_each(|(sum, value)| *sum += weight * value);
             weights += weight;
         };
-        let seen = || directions.seen_from(self.view(), share, &density_at);
+        let seen_only = || directions.seen_from(self.view(), share, &density_at);
+        let seen = || {
+            let seen = seen_only();
+            match seen.is_empty() {
+                true => (0..directions.vectors.len()).map(|number| (number, 1.0)).collect(),
+                false => seen,
+            }
+        };
         let model = match self.content() {
             Content::Model(model) => Some(&**model),
             Content::Values(_) => None,
@@ -155,16 +166,22 @@ impl Renderer {
                 }
             }
             Some(ViewDependence::Network(network)) => {
-                for seen in seen().chunks(RAYS) {
-                    let vectors: Vec<[f64; 3]> =
-                        seen.iter().map(|&(i, _)| directions.vectors[i]).collect();
-                    let values: Vec<Vec<f32>> =
-                        vectors.iter().map(|&v| sample.values_from(v)).collect();
-                    let values: Vec<&[f32]> = values.iter().map(|values| &values[..]).collect();
-                    let added = network.colors(&vectors, &values);
-                    for ((&(_, weight), added), vector) in seen.iter().zip(added).zip(vectors) {
-                        let diffuse = sample.diffuse_from(vector);
-                        add(weight, [0, 1, 2].map(|channel| diffuse[channel] + added[channel]));
+                let seen = seen_only();
+                if seen.is_empty() {
+                    return sample.color;
+                }
+                let is_plain = sample.directional == [0.0; DIRECTIONAL];
+                for seen in seen.chunks(RAYS) {
+                    let own = if is_plain { &seen[..1] } else { seen };
+                    let own = own.iter().map(|&(i, _)| sample.values_from(directions.vectors[i]));
+                    let own: Vec<Vec<f32>> = own.collect();
+                    let values: Vec<&[f32]> = own.iter().map(Vec::as_slice).collect();
+                    let sums: Vec<&[f32]> =
+                        seen.iter().map(|&(i, _)| &directions.sums[i][..]).collect();
+                    let added = network.colors_of_sums(&sums, &values);
+                    for (ray, (&(_, weight), added)) in seen.iter().zip(added).enumerate() {
+                        let own = values[if is_plain { 0 } else { ray }];
+                        add(weight, [0, 1, 2].map(|channel| own[channel] + added[channel]));
                     }
                 }
             }
@@ -179,16 +196,19 @@ impl Renderer {
     }
 }
 
-/// Unit directions spread evenly over the sphere, and the harmonics of each.
+/// Unit directions spread evenly over the sphere, with the harmonics of each, and what a field's
+/// network makes of it.
 #[derive(Debug)]
 pub struct Directions {
     vectors: Vec<[f64; 3]>,
     bases: Vec<Basis>,
+    /// Empty without a network.
+    sums: Vec<Vec<f32>>,
 }
 
 impl Directions {
-    /// So many, on a spiral of equal steps in height and turns of the golden angle.
-    pub fn spread(count: usize) -> Self {
+    /// So many for a field, on a spiral of equal steps in height and turns of the golden angle.
+    pub fn spread(field: &Renderer, count: usize) -> Self {
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let vectors: Vec<[f64; 3]> = (0..count)
             .map(|i| {
@@ -199,11 +219,15 @@ impl Directions {
             })
             .collect();
         let bases = vectors.iter().map(|&vector| basis(vector)).collect();
-        Self { vectors, bases }
+        let network = field.view().view_dependence.as_ref().and_then(ViewDependence::network);
+        let sums = network.map_or_else(Vec::new, |network| {
+            vectors.iter().map(|&vector| network.direction_sums(vector)).collect()
+        });
+        Self { vectors, bases, sums }
     }
 
     /// The directions along which a place is seen, by their numbers, and the share of light that
-    /// passes what is before it. All of them count the same where none is free.
+    /// passes what is before it. None where all of them are blocked.
     fn seen_from(
         &self,
         view: &View,
@@ -213,17 +237,21 @@ impl Directions {
         let extent = view.bounds.extent();
         let step = f64::from(view.march.voxel_size);
         let seen = self.vectors.iter().enumerate().map(|(number, vector)| {
-            let depth = (1..=BEFORE).map(|steps| {
+            let mut depth = 0.0;
+            for steps in 1..=BEFORE {
                 let back = f64::from(steps) * step;
                 let at = [0, 1, 2].map(|axis| share[axis] - back * vector[axis] / extent[axis]);
-                f64::from(density_at(at)) * step
-            });
-            (number, libm::exp(-depth.sum::<f64>()))
+                depth += f64::from(density_at(at)) * step;
+                if depth > BLOCKED {
+                    return (number, 0.0);
+                }
+            }
+            (number, libm::exp(-depth))
         });
         let seen: Vec<(usize, f64)> = seen.collect();
         let most = seen.iter().fold(0.0, |most: f64, (_, weight)| most.max(*weight));
         if most < HIDDEN {
-            return seen.into_iter().map(|(number, _)| (number, 1.0)).collect();
+            return Vec::new();
         }
         seen.into_iter().filter(|(_, weight)| *weight > FAINTEST * most).collect()
     }

@@ -100,6 +100,51 @@ struct EdgeCollapse {
     changes: [u32; 2],
 }
 
+/// Collapses, the one with the least loss first. Those beyond a bound, which are rarely reached, wait
+/// without order: a heap of all of them would not fit the caches.
+struct Queue {
+    /// Those that were there first, from the last one on.
+    sorted: Vec<EdgeCollapse>,
+    /// Later ones.
+    heap: BinaryHeap<Reverse<EdgeCollapse>>,
+    /// The largest loss in `sorted` and in `heap`.
+    bound: u64,
+    waiting: Vec<EdgeCollapse>,
+}
+
+impl Queue {
+    /// Of edges of which so many will likely be collapsed.
+    fn new(mut edges: Vec<EdgeCollapse>, likely: usize) -> Self {
+        edges.sort_unstable();
+        let bound = edges.get(likely).map_or(u64::MAX, |edge| edge.loss);
+        let waiting = edges.split_off(edges.partition_point(|edge| edge.loss <= bound));
+        edges.reverse();
+        Self { sorted: edges, heap: BinaryHeap::new(), bound, waiting }
+    }
+
+    fn push(&mut self, edge: EdgeCollapse) {
+        match edge.loss <= self.bound {
+            true => self.heap.push(Reverse(edge)),
+            false => self.waiting.push(edge),
+        }
+    }
+
+    fn pop(&mut self) -> Option<EdgeCollapse> {
+        if self.sorted.is_empty() && self.heap.is_empty() {
+            self.bound = u64::MAX;
+            self.sorted = std::mem::take(&mut self.waiting);
+            self.sorted.sort_unstable_by(|a, b| b.cmp(a));
+        }
+        match (self.sorted.last(), self.heap.peek()) {
+            (Some(first), Some(Reverse(later))) if later < first => {
+                self.heap.pop().map(|Reverse(edge)| edge)
+            }
+            (Some(_), _) => self.sorted.pop(),
+            (None, _) => self.heap.pop().map(|Reverse(edge)| edge),
+        }
+    }
+}
+
 struct Surface {
     soup: TriangleSoup,
     /// Triangles of each vertex; empty once it was merged into another.
@@ -131,7 +176,7 @@ impl Surface {
             [bound(|a, b| if b < a { b } else { a }), bound(|a, b| if b > a { b } else { a })];
         let vertices = soup.positions.len();
         let mut surface = Self {
-            around: vec![Vec::new(); vertices],
+            around: (0..vertices).map(|_| Vec::with_capacity(8)).collect(),
             alive: vec![true; soup.triangles.len()],
             count: soup.triangles.len(),
             quadrics: vec![Quadric::default(); vertices],
@@ -165,41 +210,50 @@ impl Surface {
 
     /// Collapses edges until at most `most` triangles are left, or no edge can.
     fn collapse(&mut self, max_triangles: usize, careful: bool) {
-        let mut heap = BinaryHeap::new();
-        if self.count > max_triangles {
-            for vertex in 0..self.around.len() as u32 {
-                let others = self.neighbours(vertex).into_iter().filter(|other| *other > vertex);
-                heap.extend(others.map(|other| Reverse(self.edge_collapse(vertex, other))));
-            }
+        if self.count <= max_triangles {
+            return;
         }
-        while let Some(Reverse(edge)) = heap.pop() {
-            if self.count <= max_triangles {
-                break;
-            }
+        let mut edges = Vec::new();
+        let (mut near, mut far) = (Vec::new(), Vec::new());
+        for vertex in 0..self.around.len() as u32 {
+            self.neighbours(vertex, &mut near);
+            let others = near.iter().filter(|other| **other > vertex);
+            edges.extend(others.map(|&other| self.edge_collapse(vertex, other)));
+        }
+        // A collapse takes two triangles, and others become possible in its place.
+        let likely = self.count - max_triangles;
+        let mut queue = Queue::new(edges, likely);
+        while let Some(edge) = queue.pop() {
             let current = edge.pair.map(|vertex| self.changes[vertex as usize]);
             if current != edge.changes {
                 continue;
             }
             let to = self.merged(edge.pair);
-            if careful && !self.is_harmless(edge.pair, to) {
+            if careful && !self.is_harmless(edge.pair, to, [&mut near, &mut far]) {
                 continue;
             }
             let [kept, _] = edge.pair;
             self.merge(edge.pair, to);
-            for other in self.neighbours(kept) {
-                heap.push(Reverse(self.edge_collapse(kept.min(other), kept.max(other))));
+            if self.count <= max_triangles {
+                break;
+            }
+            self.neighbours(kept, &mut near);
+            for &other in &near {
+                queue.push(self.edge_collapse(kept.min(other), kept.max(other)));
             }
         }
     }
 
-    /// The other corners of a vertex's triangles, each once, in the order of their numbers.
-    fn neighbours(&self, vertex: u32) -> Vec<u32> {
-        let triangles = self.around[vertex as usize].iter();
-        let corners = triangles.flat_map(|&triangle| self.soup.triangles[triangle as usize]);
-        let mut others: Vec<u32> = corners.filter(|&corner| corner != vertex).collect();
+    /// The other corners of a vertex's triangles, each once, in the order of their numbers. `others`
+    /// is emptied first: a list for each collapse would be a tenth of the time.
+    fn neighbours(&self, vertex: u32, others: &mut Vec<u32>) {
+        others.clear();
+        for &triangle in &self.around[vertex as usize] {
+            let corners = self.soup.triangles[triangle as usize];
+            others.extend(corners.into_iter().filter(|&corner| corner != vertex));
+        }
         others.sort_unstable();
         others.dedup();
-        others
     }
 
     /// The sum of two vertices' quadrics.
@@ -232,8 +286,9 @@ impl Surface {
 
     /// True if no triangle turns over, and the surface around the edge stays a surface: the
     /// vertices that both ends are joined to are the third corners of the edge's two triangles.
-    fn is_harmless(&self, [a, b]: [u32; 2], to: [f64; 3]) -> bool {
-        let (near, far) = (self.neighbours(a), self.neighbours(b));
+    fn is_harmless(&self, [a, b]: [u32; 2], to: [f64; 3], [near, far]: [&mut Vec<u32>; 2]) -> bool {
+        self.neighbours(a, near);
+        self.neighbours(b, far);
         let common = near.iter().filter(|vertex| far.binary_search(vertex).is_ok()).count();
         let shared = self.around[a as usize].iter();
         let shared = shared.filter(|&&t| self.soup.triangles[t as usize].contains(&b)).count();
@@ -308,13 +363,24 @@ impl Surface {
         }
     }
 
+    /// What is left, without vertices that were merged into others.
     fn finish(mut self) -> TriangleSoup {
         let mut alive = self.alive.iter();
         self.soup.triangles.retain(|_| alive.next() == Some(&true));
-        let origin = self.origin;
-        for position in &mut self.soup.positions {
-            *position = std::array::from_fn(|axis| position[axis] + origin[axis]);
+        let mut numbers = vec![u32::MAX; self.soup.positions.len()];
+        let mut left = TriangleSoup::default();
+        for corner in self.soup.triangles.as_flattened() {
+            let number = &mut numbers[*corner as usize];
+            if *number == u32::MAX {
+                *number = left.positions.len() as u32;
+                let position = self.soup.positions[*corner as usize];
+                left.positions.push(std::array::from_fn(|axis| position[axis] + self.origin[axis]));
+                left.colors.push(self.soup.colors[*corner as usize]);
+            }
         }
-        self.soup
+        let renumbered = self.soup.triangles.iter();
+        left.triangles =
+            renumbered.map(|corners| corners.map(|corner| numbers[corner as usize])).collect();
+        left
     }
 }
