@@ -186,9 +186,8 @@ impl State {
             let root = (square[place] * of_square).sqrt();
             splat[place] -= shrunk * lengths[place] * (mean[place] * of_mean) / (root + LEAST);
         }
-        for axis in 0..3 {
-            let (from, reach) = (self.first[axis], 0.75 * self.cell[axis]);
-            splat[axis] = splat[axis].clamp(from - reach, from + reach);
+        for ((at, from), cell) in splat.iter_mut().zip(self.first).zip(self.cell) {
+            *at = at.clamp(from - 0.75 * cell, from + 0.75 * cell);
         }
         let [least, most] = GROWTH.map(|by| self.first[SIZE] + by);
         splat[SIZE] = splat[SIZE].clamp(least, most);
