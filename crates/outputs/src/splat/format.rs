@@ -72,7 +72,7 @@ impl ExportFormat for Splat {
         let placed_count = placed.len();
         let targets = targets(source, options, progress)?;
         let fitted = fit(source, options, placed, &targets, progress)?;
-        let bits = position_bits(source, &boxes)?;
+        let bits = if kind == FileKind::Spz { position_bits(source, &boxes)? } else { 0 };
         let origin = Origin { name: &source.name, sha256: &source.sha256 };
         kind.write(&fitted, bits, &origin, files)?;
         let mut details = Map::new();
@@ -131,15 +131,14 @@ fn fit(
     targets: &[Target],
     progress: &dyn Progress,
 ) -> Result<Vec<GaussianSplat>> {
-    let small: Vec<Target> = targets.iter().map(Target::small).collect();
     let all: Vec<GaussianSplat> = placed.iter().map(|(splat, _)| *splat).collect();
-    let kept = visible(&all, &small, options.splats.unwrap_or(SPLATS), UNSEEN)?;
+    let kept = visible(&all, targets, options.splats.unwrap_or(SPLATS), UNSEEN)?;
     let mut placed: Vec<_> = kept.into_iter().map(|number| placed[number]).collect();
     place::color(&source.field, &mut placed, options.level, progress)?;
     let mut fit = Fit::new(placed, source.field.view().background);
     progress.begin(Step::Fit, STEPS as u64);
     fit.run(targets, progress)?;
     // Those that the fit has made useless go.
-    let kept = visible(&fit.splats, &small, usize::MAX, USELESS)?;
+    let kept = visible(&fit.splats, targets, usize::MAX, USELESS)?;
     Ok(kept.into_iter().map(|number| fit.splats[number]).collect())
 }

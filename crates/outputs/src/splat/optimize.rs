@@ -10,7 +10,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 
 /// Steps, a picture each. Twice as many gain 0.6 dB.
-pub(super) const STEPS: usize = 280;
+pub(super) const STEPS: usize = 260;
 /// Lengths of the first steps: positions in shares of a cell, logarithms, logits, coefficients of
 /// band 0 and of the others.
 const LENGTHS: GaussianSplat = {
@@ -44,24 +44,6 @@ pub(super) struct Target {
     pub(super) camera: Camera,
     /// Colours over the background.
     pub(super) color: Vec<[f32; 3]>,
-}
-
-impl Target {
-    /// The picture at half the size, which tells what shows as well.
-    pub(super) fn small(&self) -> Self {
-        let lens = &self.camera.lens;
-        let [width, height] = [lens.width, lens.height].map(|side| (side / 2).max(1));
-        let mean = |pixel: usize| {
-            let (x, y) = (pixel % width * 2, pixel / width * 2);
-            let pixels = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
-                let (x, y) = ((x + right).min(lens.width - 1), (y + down).min(lens.height - 1));
-                self.color[y * lens.width + x]
-            });
-            [0, 1, 2].map(|channel| 0.25 * pixels.iter().map(|pixel| pixel[channel]).sum::<f32>())
-        };
-        let color = (0..width * height).map(mean).collect();
-        Self { camera: Camera { lens: lens.resized(width, height), ..self.camera.clone() }, color }
-    }
 }
 
 /// Splats on the way, with what Adam remembers.
@@ -204,9 +186,8 @@ impl State {
             let root = (square[place] * of_square).sqrt();
             splat[place] -= shrunk * lengths[place] * (mean[place] * of_mean) / (root + LEAST);
         }
-        for axis in 0..3 {
-            let (from, reach) = (self.first[axis], 0.75 * self.cell[axis]);
-            splat[axis] = splat[axis].clamp(from - reach, from + reach);
+        for ((at, from), cell) in splat.iter_mut().zip(self.first).zip(self.cell) {
+            *at = at.clamp(from - 0.75 * cell, from + 0.75 * cell);
         }
         let [least, most] = GROWTH.map(|by| self.first[SIZE] + by);
         splat[SIZE] = splat[SIZE].clamp(least, most);
@@ -225,7 +206,8 @@ pub(super) fn visible(
     least: f32,
 ) -> Result<Vec<usize>> {
     let mut weights = vec![0.0f32; splats.len()];
-    for target in targets {
+    // Every other one: the next ones show the same splats from nearby.
+    for target in targets.iter().step_by(2) {
         draw(splats, &target.camera, Rules::TRAINING)?.weights(&mut weights)?;
     }
     let mut order: Vec<usize> =
