@@ -112,7 +112,8 @@ export class MacroCells {
   private readonly edge: number;
   private readonly nodes: Triple;
   private readonly block: number;
-  private readonly limit: number;
+  /** The density up to which nothing is seen. */
+  readonly limit: number;
   /** Of each axis, by the place of a block along it, what `groups` says. */
   private readonly along: readonly Nodes[][][];
 
@@ -139,8 +140,8 @@ export class MacroCells {
     return skipDistances;
   }
 
-  /** Marks the groups in which a corner of a cell can be seen. `bricks` are the densities of the blocks at `places`. */
-  mark(bricks: Float32Array, places: Triple[]): void {
+  /** Marks the groups in which a corner of a cell can be seen. `bricks` say which nodes can, of the blocks at `places` and their aprons. */
+  mark(bricks: Uint8Array, places: Triple[]): void {
     const { marks } = this;
     const [, gy, gz] = this.groupCounts();
     const side = this.block + 1;
@@ -159,14 +160,13 @@ export class MacroCells {
     }
   }
 
-  /** Whether a node of a box in a brick is not invisible. Most boxes tell by one of their first nodes. */
-  private canBeSeen(bricks: Float32Array, brick: number, xs: Nodes, ys: Nodes, zs: Nodes): boolean {
-    const { limit } = this;
+  /** Whether a node of a box in a brick can be seen. Most boxes tell by one of their first nodes. */
+  private canBeSeen(bricks: Uint8Array, brick: number, xs: Nodes, ys: Nodes, zs: Nodes): boolean {
     const side = this.block + 1;
     for (let x = xs.first; x <= xs.last; x++) {
       for (let y = ys.first; y <= ys.last; y++) {
         const row = brick + (x * side + y) * side;
-        for (let node = row + zs.first; node <= row + zs.last; node++) if (bricks[node] > limit) return true;
+        for (let node = row + zs.first; node <= row + zs.last; node++) if (bricks[node] === 1) return true;
       }
     }
     return false;
