@@ -189,9 +189,9 @@ export class LevelDecoder {
     const empty = sees(density.map(density.encoding.empty));
     let seen: Seen = { codes, first: from, table: Uint8Array.from(table, sees), empty };
     if (anisotropy) {
-      const most = anisotropy.mostAdded(from, end);
-      const nodes = new Uint8Array(codes.length);
-      for (let node = 0; node < nodes.length; node++) nodes[node] = sees(table[codes[node]] + most[node]);
+      // Beyond this, anisotropy adds what makes a node visible; those that are so without it ask for nothing.
+      const needed = table.map((value) => (value > macro.limit ? -1 : ((macro.limit - value) / BAND_2_NORM) ** 2));
+      const nodes = anisotropy.exceeding(from, end, codes, needed);
       seen = { codes: nodes, first: from, table: Uint8Array.of(0, 1), empty };
     }
     macro.mark(seenBricks(blocks, edge, [from, to], seen), blocks.places.slice(from, to));
@@ -299,20 +299,20 @@ class Group {
     return Array.from({ length: channels }, (_, channel) => ({ codes, start: (channel * size) / channels, stride: size, table: halves }));
   }
 
-  /** Of anisotropy, what it adds to density at most in any direction, node by node. */
-  mostAdded(from: number, to: number): Float64Array {
+  /** Of anisotropy, 1 for each node whose values have a sum of squares above what is `needed` for its code of density. */
+  exceeding(from: number, to: number, densities: Codes, needed: Float64Array): Uint8Array {
     const { channels, size } = this;
     const { codes, table } = this.looked(from, to);
     const [nodes, squares] = [size / channels, table.map((value) => value * value)];
-    const most = new Float64Array(codes.length / channels);
+    const out = new Uint8Array(densities.length);
     for (let at = 0, node = 0; at < codes.length; at += size) {
-      for (const end = node + nodes, start = at - node; node < end; node++) {
-        let sum = 0;
-        for (let code = start + node; code < at + size; code += nodes) sum += squares[codes[code]];
-        most[node] = BAND_2_NORM * Math.sqrt(sum);
+      for (let code = at, end = at + nodes; code < end; code++, node++) {
+        let left = needed[densities[node]];
+        for (let channel = 0, own = code; channel < channels && left >= 0; channel++, own += nodes) left -= squares[codes[own]];
+        if (left < 0) out[node] = 1;
       }
     }
-    return most;
+    return out;
   }
 
   give(codes: Codes): void {

@@ -27,6 +27,14 @@ export function isDirectional(kind: string): boolean {
   return kind === "ANIS" || kind === "DIRB";
 }
 
+/** Codes of all levels and shells. */
+export function storedCodes(metadata: Metadata): number {
+  return partsOf(metadata).reduce((sum, { blocks_stored, block_size }, part) => {
+    const channels = storedGroups(metadata, part).reduce((sum, { channels }) => sum + channels, 0);
+    return sum + channels * blocks_stored * block_size ** 3;
+  }, 0);
+}
+
 export function texelsOf(metadata: Metadata): Texels {
   const groups = partsOf(metadata).flatMap((_, part) => storedGroups(metadata, part));
   const areCodes = (own: typeof groups) => own.every(({ encoding }) => encoding.number === "u8");

@@ -53,7 +53,7 @@ export function allocate(device: TextureDevice, opened: Opened): Textures {
   if (plan.directionalQuads > 0) made.u_directional = volume(FOUR[texels.directional], [x, plan.directionalRows * plan.slot, z * plan.directionalQuads]);
   if (mask) {
     const [x, y, z] = mask.nodes;
-    made.u_mask = volume("r32float", [z, y, x]);
+    made.u_mask = volume(mask.values instanceof Uint8Array ? "r8unorm" : "r32float", [z, y, x]);
     device.write(made.u_mask, [0, 0, 0], [z, y, x], mask.values);
   }
   if (network.length > 0 && !weighsByUniforms(opened)) {
