@@ -108,9 +108,9 @@ const float ON_FACE = 1e-6;
 const float LARGEST = 3e38;
 
 int fetches = 0;
-// Where the block that was looked up last lies in the table, and what that says of it, of even and of odd levels. No arrays:
+// The block that was looked up last, and its level, of even and of odd levels; what the table says there. No arrays:
 // cards keep those in memory.
-int lookedUpEven = -1, lookedUpOdd = -1;
+ivec4 lookedUpEven = ivec4(-1), lookedUpOdd = ivec4(-1);
 uint placeEven = 0u, placeOdd = 0u;
 
 float softplus(float x) {
@@ -128,16 +128,17 @@ float opaqueDepth(float alpha) {
 
 // Optical depth over one interval.
 float opticalDepth(float density, int decode) {
+  if (decode == 1) return min(density * density, LARGEST);
+  if (decode == 2) return opaqueDepth(density);
 #if ORDER == 0 && defined(RELU)
-  float depth = max(density, 0.0) * u_activation.y;
+  return min(max(density, 0.0) * u_activation.y, LARGEST);
 #elif ORDER == 0
-  float depth = softplus(density + u_activation.x) * u_activation.y;
+  return min(softplus(density + u_activation.x) * u_activation.y, LARGEST);
 #elif ORDER == 1
-  float depth = max(density, 0.0) * u_activation.y;
+  return min(max(density, 0.0) * u_activation.y, LARGEST);
 #else
-  float depth = opaqueDepth(density);
+  return opaqueDepth(density);
 #endif
-  return decode == 2 ? opaqueDepth(density) : min(decode == 1 ? density * density : depth, LARGEST);
 }
 
 #ifdef PARTIAL
@@ -168,19 +169,26 @@ bool locate(int level, vec3 position, out Cell cell) {
   // one by one.
   ivec3 block = ivec3((vec3(lowest) + 0.5) / float(edge));
   bool isOdd = (LEVEL_OF(level) & 1) == 1;
-  ivec3 sides = textureSize(u_table, 0);
-  int wanted = ((block.x + u_levels[level].x) * sides.y + block.y) * sides.x + block.z;
   uint place = isOdd ? placeOdd : placeEven;
-  if ((isOdd ? lookedUpOdd : lookedUpEven) != wanted) place = lookUp(level, block);
-  lookedUpOdd = isOdd ? wanted : lookedUpOdd;
-  lookedUpEven = isOdd ? lookedUpEven : wanted;
-  placeOdd = isOdd ? place : placeOdd;
-  placeEven = isOdd ? placeEven : place;
+  ivec4 wanted = ivec4(block, level);
+  if ((isOdd ? lookedUpOdd : lookedUpEven) != wanted) {
+    place = lookUp(level, block);
+    if (isOdd) {
+      lookedUpOdd = wanted;
+      placeOdd = place;
+    } else {
+      lookedUpEven = wanted;
+      placeEven = place;
+    }
+  }
+#ifdef PARTIAL
+  isAbsent = place == ABSENT;
+#endif
   // A dense grid stores everything.
-  bool stored = place != 0u || !u_skips;
+  if (place == 0u && u_skips) return false;
   ivec3 low = lowest - block * edge;
   // Along these axes, the cell has nodes of the next blocks.
-  bvec3 leaves = equal(low, ivec3(stored ? edge - 1 : -1));
+  bvec3 leaves = equal(low, ivec3(edge - 1));
   uvec4 lower = uvec4(place), upper = uvec4(place);
   if (leaves.z) lower.yw = upper.yw = uvec2(lookUp(level, block + ivec3(0, 0, 1)));
   if (leaves.y) {
@@ -206,7 +214,7 @@ bool locate(int level, vec3 position, out Cell cell) {
   vec4 shares = vec4(g.y, g.y, f.y, f.y) * vec4(g.z, f.z, g.z, f.z);
   cell.lowerShares = shares * g.x * vec4(notEqual(lower, uvec4(0u)));
   cell.upperShares = shares * f.x * vec4(notEqual(upper, uvec4(0u)));
-  return stored;
+  return true;
 }
 
 ivec3 placeOf(uint texel) {

@@ -8,10 +8,10 @@ const ON_FACE = 1e-6;
 const LARGEST = 3e38;
 
 var<private> fetches: i32 = 0;
-// Where the block that was looked up last lies in the table, and what that says of it, of even and of odd levels. No arrays:
+// The block that was looked up last, and its level, of even and of odd levels; what the table says there. No arrays:
 // cards keep those in memory.
-var<private> lookedUpEven: i32 = -1;
-var<private> lookedUpOdd: i32 = -1;
+var<private> lookedUpEven: vec4i = vec4i(-1);
+var<private> lookedUpOdd: vec4i = vec4i(-1);
 var<private> placeEven: u32 = 0u;
 var<private> placeOdd: u32 = 0u;
 
@@ -41,16 +41,17 @@ fn opaqueDepth(alpha: f32) -> f32 {
 
 // Optical depth over one interval.
 fn opticalDepth(density: f32, decode: i32) -> f32 {
+  if (decode == 1) { return min(density * density, LARGEST); }
+  if (decode == 2) { return opaqueDepth(density); }
 #if ORDER == 0 && defined(RELU)
-  let depth = max(density, 0.0) * u_activation().y;
+  return min(max(density, 0.0) * u_activation().y, LARGEST);
 #elif ORDER == 0
-  let depth = softplus(density + u_activation().x) * u_activation().y;
+  return min(softplus(density + u_activation().x) * u_activation().y, LARGEST);
 #elif ORDER == 1
-  let depth = max(density, 0.0) * u_activation().y;
+  return min(max(density, 0.0) * u_activation().y, LARGEST);
 #else
-  let depth = opaqueDepth(density);
+  return opaqueDepth(density);
 #endif
-  return select(min(select(depth, density * density, decode == 1), LARGEST), opaqueDepth(density), decode == 2);
 }
 
 // In the table: the block is stored, but has no slot.
@@ -82,19 +83,26 @@ fn locate(level: i32, position: vec3f) -> Found {
   // one by one.
   let block = vec3i((vec3f(lowest) + 0.5) / f32(edge));
   let isOdd = (levelOfPart(level) & 1) == 1;
-  let sides = vec3i(textureDimensions(u_table));
-  let wanted = ((block.x + u_levels(level).x) * sides.y + block.y) * sides.x + block.z;
   var place = select(placeEven, placeOdd, isOdd);
-  if (select(lookedUpEven, lookedUpOdd, isOdd) != wanted) { place = lookUp(level, block); }
-  lookedUpOdd = select(lookedUpOdd, wanted, isOdd);
-  lookedUpEven = select(wanted, lookedUpEven, isOdd);
-  placeOdd = select(placeOdd, place, isOdd);
-  placeEven = select(place, placeEven, isOdd);
+  let wanted = vec4i(block, level);
+  if (any(select(lookedUpEven, lookedUpOdd, isOdd) != wanted)) {
+    place = lookUp(level, block);
+    if (isOdd) {
+      lookedUpOdd = wanted;
+      placeOdd = place;
+    } else {
+      lookedUpEven = wanted;
+      placeEven = place;
+    }
+  }
+#ifdef PARTIAL
+  isAbsent = place == ABSENT;
+#endif
   // A dense grid stores everything.
-  let stored = place != 0u || !u_skips();
+  if (place == 0u && u_skips()) { return nothingFound(); }
   let low = lowest - block * edge;
   // Along these axes, the cell has nodes of the next blocks.
-  let leaves = low == vec3i(select(-1, edge - 1, stored));
+  let leaves = low == vec3i(edge - 1);
   var lower = vec4u(place);
   var upper = lower;
   if (leaves.z) {
@@ -132,7 +140,7 @@ fn locate(level: i32, position: vec3f) -> Found {
   let none = vec4f(0.0);
   let lowerShares = select(shares * g.x, none, lower == vec4u(0u));
   let upperShares = select(shares * f.x, none, upper == vec4u(0u));
-  return Found(stored, lower + within + (first.x << 22u), upper + within + (last.x << 22u), lowerShares, upperShares);
+  return Found(true, lower + within + (first.x << 22u), upper + within + (last.x << 22u), lowerShares, upperShares);
 }
 
 fn placeOf(texel: u32) -> vec3u {
