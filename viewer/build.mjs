@@ -25,7 +25,7 @@ const common = { bundle: true, format: "esm", target: "es2022", legalComments: "
 // Into the bundles by its bytes: no request for it can fail.
 mkdirSync("build", { recursive: true });
 const options = ["-O3", "--runtime", "stub", "--enable", "simd", "--noAssert"];
-for (const name of ["restore", "bricks", "skip"]) {
+for (const name of ["restore", "weave", "skip"]) {
   execFileSync("node_modules/.bin/asc", [`wasm/${name}.ts`, "--outFile", `build/${name}.wasm`, ...options], { stdio: "inherit" });
 }
 

@@ -32,7 +32,7 @@ const header = readHeader(bytes);
 const entries = readDirectory(header, bytes);
 const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
 if (header.features.has("inherited_blocks")) throw new Error("A container without inherited blocks is needed.");
-const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 40, uniforms: 1024 }, 0);
+const laidOut = plan(metadata, { side: 2048, bytes: 2 ** 40, uniforms: 1024 }, 0);
 const groups = metadata.levels.map((_, number) => storedGroups(metadata, number));
 let megabytes = 0;
 const codes = seconds(() => {

@@ -51,7 +51,7 @@ function decoded(bytes: Uint8Array): { level: LevelMetadata; number: number; col
   const header = readHeader(bytes);
   const entries = readDirectory(header, bytes);
   const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
-  const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30, uniforms: 1024 }, 0);
+  const laidOut = plan(metadata, { side: 2048, bytes: 2 ** 30, uniforms: 1024 }, 0);
   let coarser: LevelColors | null = null;
   const all = [];
   for (let number = metadata.levels.length - 1; number >= 0; number--) {

@@ -25,7 +25,7 @@ function laidOut(name: string): { parts: DecodedPart[]; entry: LevelEntry }[] {
   const bytes = Uint8Array.from(readFileSync(join(ROOT, "fixtures", "baked", `${name}.mipvog`)));
   const entries = readDirectory(readHeader(bytes), bytes);
   const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
-  const whole = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30, uniforms: 1024 }, 0);
+  const whole = plan(metadata, { side: 2048, bytes: 2 ** 30, uniforms: 1024 }, 0);
   let coarser: LevelColors | null = null;
   const levels = [];
   for (let level = metadata.levels.length - 1; level >= 0; level--) {

@@ -9,7 +9,7 @@ import { ENTRY_BYTES, HEADER_BYTES, readDirectory, readHeader } from "../src/for
 import { Loader } from "../src/load/loader.js";
 import { ROOT } from "./support.js";
 
-const DEVICE = { side: 2048, floatLinear: true, bytes: 2 ** 30, uniforms: 1024 };
+const DEVICE = { side: 2048, bytes: 2 ** 30, uniforms: 1024 };
 
 /** A container with one more chunk, of 4 bytes and of a level, behind all others. */
 function withLast(container: Uint8Array, kind: string, level: number): Uint8Array<ArrayBuffer> {

@@ -53,7 +53,7 @@ function levelsOf(name: string): Level[] {
   const bytes = Uint8Array.from(readFileSync(join(ROOT, "fixtures", "baked", `${name}.mipvog`)));
   const entries = readDirectory(readHeader(bytes), bytes);
   const metadata = readMetadata(chunkBytes(entries[0], bytes, 0));
-  const laidOut = plan(metadata, { side: 2048, floatLinear: true, bytes: 2 ** 30, uniforms: 1024 }, 0);
+  const laidOut = plan(metadata, { side: 2048, bytes: 2 ** 30, uniforms: 1024 }, 0);
   return metadata.levels.flatMap(({ blocks_stored: blocks }, level) => {
     if (blocks === 0) return [];
     const decoder = new LevelDecoder(metadata, laidOut, level, levelChunks(entries, level, bytes, 0), null);
@@ -65,7 +65,7 @@ function levelsOf(name: string): Level[] {
 }
 
 /** Of bricks of so many quadruples of channels, those of some blocks, quadruple by quadruple. */
-function bricksOf({ color, blocks }: DecodedPart, quads: number, from: number, to: number): Uint16Array[] {
+function bricksOf({ color, blocks }: DecodedPart, quads: number, from: number, to: number): DecodedPart["color"][] {
   const brick = color.length / quads / blocks;
   return Array.from({ length: quads }, (_, quad) => color.subarray((quad * blocks + from) * brick, (quad * blocks + to) * brick));
 }

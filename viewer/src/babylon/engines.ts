@@ -101,16 +101,12 @@ class GpuDrawing implements Drawing {
     const data = new Data(example);
     const numbers = new Float32Array(4 * data.length);
     const list = `uniform u_list : array<vec4f, ${data.length}>;\n${data.source("uniforms.u_list")}\n`;
-    const samplerOf = (texture: string) => `${texture}Sampler`;
-    const textures = Object.entries(textureTypes(opened)).map(([name, type]) => {
-      const isFiltered = ["u_density", "u_color", "u_directional"].includes(name);
-      return `${isFiltered ? `var ${samplerOf(name)} : sampler;\n` : ""}var ${name} : ${type};\n`;
-    });
+    const textures = Object.entries(textureTypes(opened)).map(([name, type]) => `var ${name} : ${type};\n`);
     const vertexSource = `${list}attribute position : vec3f;\n${CORNER}
 @vertex fn main(input : VertexInputs) -> FragmentInputs {
   vertexOutputs.position = cornerInClip(vertexInputs.position);
 }`;
-    const fragmentSource = `${list}${textures.join("")}${wgslSource(opened, samplerOf)}
+    const fragmentSource = `${list}${textures.join("")}${wgslSource(opened)}
 @fragment fn main(input : FragmentInputs) -> FragmentOutputs {
   let marched = marchRay(fragmentInputs.position.xy);
   fragmentOutputs.color = marched.color;
@@ -126,13 +122,13 @@ class GpuDrawing implements Drawing {
     };
   }
 
-  wrap({ handle, format, filtered, flat }: DeviceTexture): InternalTexture {
+  wrap({ handle, format, flat }: DeviceTexture): InternalTexture {
     const internal = this.engine.wrapWebGPUTexture(handle as GPUTexture);
     const hardware = internal._hardwareTexture as WebGPUHardwareTexture;
     hardware.createView({ format, dimension: flat ? "2d" : "3d", mipLevelCount: 1, baseArrayLayer: 0, baseMipLevel: 0, arrayLayerCount: 1, aspect: "all" });
-    internal.samplingMode = filtered ? Constants.TEXTURE_BILINEAR_SAMPLINGMODE : Constants.TEXTURE_NEAREST_SAMPLINGMODE;
+    internal.samplingMode = Constants.TEXTURE_NEAREST_SAMPLINGMODE;
     // Babylon.js takes 32-bit floats for some that hardware may not interpolate, which these need not be.
-    internal.type = format.endsWith("32float") && !filtered ? Constants.TEXTURETYPE_FLOAT : Constants.TEXTURETYPE_HALF_FLOAT;
+    internal.type = format.endsWith("32float") ? Constants.TEXTURETYPE_FLOAT : Constants.TEXTURETYPE_HALF_FLOAT;
     return internal;
   }
 

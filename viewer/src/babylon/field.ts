@@ -156,6 +156,11 @@ export class RadianceField extends Mesh {
     return this.streamed.waiting;
   }
 
+  /** Whether a level's bytes are there and are being decoded, or blocks near the camera. */
+  get decoding(): boolean {
+    return this.streamed.decoding;
+  }
+
   /**
    * Brings decoded blocks to the device, for a few milliseconds; every draw does this as well. Whether the picture has
    * changed.

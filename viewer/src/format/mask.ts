@@ -12,8 +12,8 @@ export interface Mask {
   shift: Triple;
   /** Trilinear: positions are inside from this value on. */
   threshold: number;
-  /** z fastest; 0 or 1 for nearest. */
-  values: Float32Array;
+  /** z fastest. Bytes, 255 for 1, where all values are 0 or 1, as those for nearest are. */
+  values: Float32Array | Uint8Array;
 }
 
 /** Nodes of a mask, at most: it is coarse, and lies in memory whole. */
@@ -39,5 +39,6 @@ export function readMask(bytes: Uint8Array): Mask {
   if (!values.every((value) => (lookup ? Number.isFinite(value) : value === 0 || value === 1))) {
     throw new FieldError("The free-space mask has a value that cannot be.");
   }
-  return { lookup: lookup ? "trilinear" : "nearest", nodes, scale, shift, threshold, values };
+  const isBinary = values.every((value) => value === 0 || value === 1);
+  return { lookup: lookup ? "trilinear" : "nearest", nodes, scale, shift, threshold, values: isBinary ? Uint8Array.from(values, (value) => 255 * value) : values };
 }

@@ -70,12 +70,6 @@ export const ANISOTROPY = channelsOf("anisotropy");
 /** Colour channels and features of a node, its directional brightness among them, at most. */
 const MOST_CHANNELS = 64;
 
-/** The finest level that has directional brightness or anisotropy, or whose shell has; null where there is none. */
-export function finestDirectional(metadata: Metadata): number | null {
-  const having = partsOf(metadata).flatMap(({ directional, anisotropy }, part) => (directional ?? anisotropy ? [levelOfPart(metadata, part)] : []));
-  return having.length > 0 ? Math.min(...having) : null;
-}
-
 /** Whether a level or a shell has values of this kind. */
 export function hasLevels(metadata: Metadata, kind: "directional" | "anisotropy"): boolean {
   return partsOf(metadata).some((part) => part[kind] !== undefined);

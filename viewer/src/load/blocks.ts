@@ -5,7 +5,7 @@ import type { Triple } from "../format/metadata.js";
 import { contentSize, inflate } from "../format/zstd.js";
 
 /** In a table: the block is stored, but not on the device. */
-export const ABSENT = 2 ** 31;
+export const ABSENT = 2 ** 32 - 1;
 /** Bits of a run's number that say what its blocks are. */
 const KIND_BITS = 4;
 
@@ -91,14 +91,17 @@ export class Blocks {
     return low;
   }
 
-  /** What the device knows of the blocks: where each lies, 0 where nothing is stored, `ABSENT` where `place` has none. */
+  /**
+   * What the device knows of the blocks: one more than the first texel of each one's slot, of which x and y have 11 bits and z
+   * has 10; 0 where nothing is stored, `ABSENT` where `place` has none.
+   */
   table(place: (frame: number) => Triple | null): Uint32Array {
     return Uint32Array.from(this.frames, (frame) => {
       if (frame < 0) return 0;
       const found = place(frame);
       if (!found) return ABSENT;
       const [x, y, z] = found;
-      return (1 << 30) | (z << 20) | (y << 10) | x;
+      return ((z << 22) | (y << 11) | x) + 1;
     });
   }
 }

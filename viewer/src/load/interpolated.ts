@@ -3,7 +3,7 @@
 import type { Encoding, Metadata } from "../format/metadata.js";
 
 /** Densities beyond are as good as these, and differences of larger ones overflow. */
-const LARGEST_DENSITY = 1e30;
+export const LARGEST_DENSITY = 1e30;
 /** Opacity over one interval that nobody sees. */
 const UNSEEN_OPACITY = 1e-10;
 

@@ -6,14 +6,15 @@ import { type Atlas, CODINGS, type Codes } from "../format/codings/index.js";
 import { toHalf, type Value, values, valueTable } from "../format/codings/values.js";
 import { KNOWN } from "../format/generated.js";
 import { chunkBytes, chunkName, type Entry } from "../format/layout.js";
-import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, finestDirectional, isColor, type LevelMetadata, type Metadata, storedGroups } from "../format/metadata.js";
-import { boxesReading, isNested, levelOfPart, partName, partsOf } from "../format/parts.js";
+import { ANISOTROPY, blockCounts, DIRECTIONAL, type Encoding, hasLevels, isColor, type LevelMetadata, type Metadata, storedGroups, type Triple } from "../format/metadata.js";
+import { boxesReading, isNested, partName, partsOf } from "../format/parts.js";
 import { Blocks } from "./blocks.js";
-import { absent, colorBricks, densityBricks, type Group as Filled } from "./bricks.js";
-import { fillColors, fillDensity } from "./fill.js";
+import { codeBricks, halfBricks, type Lane, seenBricks, type Seen } from "./bricks.js";
 import { interpolatedDensity } from "./interpolated.js";
-import { DIRECTIONAL_QUADS, type Plan, slotPlace } from "./plan.js";
+import { partIsDirectional, type Plan, slotPlace } from "./plan.js";
 import { freePlace, MacroCells, macroCounts, occupiedShares } from "./skip.js";
+import { isDirectional, TEXEL_BYTES, type Texel } from "./texels.js";
+import { weaveBricks } from "./weaver.js";
 
 /** Bytes of a piece's bricks, about. */
 const PART_BYTES = 4 << 20;
@@ -31,14 +32,14 @@ export interface DecodedPart {
   /** The first of them. */
   first: number;
   blocks: number;
-  /** Texels along a brick: a block and its apron. */
+  /** Texels along a brick. */
   side: number;
-  /** Bricks of density, one after the other, in 32 or 16 bits; null where there are none. */
-  density: Float32Array | Uint16Array | null;
-  /** Bricks of colour in four halves a texel: those of the first quadruple of channels, then those of the next one. */
-  color: Uint16Array;
-  /** Such bricks of what depends on the direction: anisotropy, then directional brightness; null where no value can. */
-  directional: Uint16Array | null;
+  /** Bricks of density, one after the other: codes, or values as halves or in 32 bits; null where there are none, or in those of colour. */
+  density: Uint8Array | Uint16Array | Float32Array | null;
+  /** Bricks of colour in four codes or halves a texel: those of the first quadruple of channels, then those of the next one. */
+  color: Uint8Array | Uint16Array;
+  /** Such bricks of what depends on the direction: anisotropy, then directional brightness; null where nothing does. */
+  directional: Uint8Array | Uint16Array | null;
   /** The slot of each; null where they follow each other in the order of the level. */
   slots: Uint32Array | null;
 }
@@ -52,7 +53,7 @@ export interface Skips {
 /** What a level or a shell is entered into the tables by, after its blocks. */
 export interface LevelEntry {
   part: number;
-  /** The slot of each block: 0 for none, `ABSENT`, or else a set bit 30 and its place in 10 bits along each axis. C order. */
+  /** Of each block in C order, what `Blocks.table` says. */
   table: Uint32Array;
   /** Of each box that the part is read in; none where it has no density, or where only the table has changed. */
   skips: Skips[];
@@ -112,7 +113,7 @@ export class LevelDecoder {
       const { name: own, bytes } = chunk(kind);
       const colored = color && inheritedCount > 0;
       const atlas = { encoding, channels, edge: stored.block_size, frames: places.length - (colored ? inheritedCount : 0), name: own };
-      const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : toHalf;
+      const map = kind === "DENS" ? interpolatedDensity(metadata.activation, encoding.decode) : (value: number) => value;
       const group = new Group(kind, atlas, bytes, map);
       if (!colored) return group;
       if (!coarser) throw new FieldError(`${name} has inherited blocks, but the level that they are made of is missing.`);
@@ -126,9 +127,9 @@ export class LevelDecoder {
 
   /** The blocks `[from, to)` in order, in parts of a few megabytes. */
   *parts(from: number, to: number): Generator<DecodedPart> {
-    const edge = this.stored.block_size;
-    const texels = (edge + 1) ** 3;
-    const step = Math.max(1, Math.floor(PART_BYTES / (texels * (4 + 8 * (this.plan.quads + (this.isDirectional ? DIRECTIONAL_QUADS : 0))))));
+    const { texels, quads, directionalQuads } = this.plan;
+    const bytes = TEXEL_BYTES[texels.density] + 4 * (quads * TEXEL_BYTES[texels.color] + directionalQuads * TEXEL_BYTES[texels.directional]);
+    const step = Math.max(1, Math.floor(PART_BYTES / (this.stored.block_size ** 3 * bytes)));
     for (let first = from; first < to; first += step) yield this.part(first, Math.min(to, first + step));
   }
 
@@ -136,48 +137,68 @@ export class LevelDecoder {
   share(from: number, to: number): Chunks {
     const end = this.blocks.reach(to);
     const { name, bytes } = this.chunks.TABL;
-    const groups = this.groups.map((group) => [group.kind, { name: group.name, bytes: group.share(from, end) }]);
+    // What can be seen of a block's last cells is told by nodes of the next ones.
+    const endOf = (kind: string) => (kind === "DENS" || kind === "ANIS" ? end : to);
+    const groups = this.groups.map((group) => [group.kind, { name: group.name, bytes: group.share(from, endOf(group.kind)) }]);
     return { TABL: { name, bytes: bytes.slice() }, ...Object.fromEntries(groups) };
   }
 
   private part(from: number, to: number): DecodedPart {
-    const { blocks, plan, number } = this;
+    const { metadata, plan, number, groups } = this;
+    const { quads, directionalQuads, texels } = plan;
     const edge = this.stored.block_size;
-    const end = blocks.reach(to);
-    const range: [number, number] = [from, to];
-    const bricks = (quads: number, groups: Filled<Uint16Array>[]) => fillColors(blocks, edge, range, quads, groups) ?? colorBricks(blocks, edge, range, quads, groups);
-    let density: DecodedPart["density"] = null;
-    const colors: Filled<Uint16Array>[] = [];
-    let [anisotropy, brightness] = [absent(ANISOTROPY), absent(DIRECTIONAL)];
-    // Anisotropy comes last: density waits for it.
-    let full: Float32Array | null = null;
-    let most: Float32Array | null = null;
-    for (const group of this.groups) {
-      const { codes, first } = group.window(from, end);
-      if (group.kind === "DENS") {
-        const filled = group.filled(codes, first, Float32Array);
-        full = fillDensity(blocks, edge, range, filled) ?? densityBricks(blocks, edge, range, filled);
-      } else if (group.kind === "ANIS") {
-        anisotropy = group.filled(codes, first, Uint16Array);
-        most = densityBricks(blocks, edge, range, mostAdded(group.filled(codes, first, Float32Array), edge));
-      } else if (group.kind === "DIRB") {
-        brightness = group.filled(codes, first, Uint16Array);
-      } else {
-        colors.push(group.filled(codes, first, Uint16Array));
-      }
-    }
-    if (full) {
-      this.macro.mark(most ? most.map((added, node) => added + full[node]) : full, blocks.places.slice(from, to));
-      density = plan.floatLinear ? full : Uint16Array.from(full, toHalf);
-    }
-    const directional = this.isDirectional ? bricks(DIRECTIONAL_QUADS, [anisotropy, brightness]) : null;
-    return { part: number, first: from, blocks: to - from, side: edge + 1, density, color: bricks(plan.quads, colors), directional, slots: null };
+    const [count, nodes] = [to - from, edge ** 3];
+    const bricks = (texel: Texel, quads: number, lanes: (Lane | null)[]) => {
+      if (texel !== "codes") return halfBricks(lanes, quads, count, nodes);
+      return weaveBricks(lanes, quads, count, nodes) ?? codeBricks(lanes, quads, count, nodes);
+    };
+    const lanesOf = (own: Group[]) => own.flatMap((group) => group.lanes(from, to));
+    const directional = () => {
+      // Parts may lack what others of the field have.
+      const of = (kind: string, channels: number) => {
+        const own = groups.filter((group) => group.kind === kind);
+        return own.length > 0 ? lanesOf(own) : new Array<null>(channels).fill(null);
+      };
+      return [...(hasLevels(metadata, "anisotropy") ? of("ANIS", ANISOTROPY) : []), ...(hasLevels(metadata, "directional") ? of("DIRB", DIRECTIONAL) : [])];
+    };
+    const density = this.density(from, to);
+    const colors: (Lane | null)[] = lanesOf(groups.filter(({ kind }) => kind !== "DENS" && !isDirectional(kind)));
+    if (texels.density === "beside") colors[4 * quads - 1] = lanesOf(groups.filter(({ kind }) => kind === "DENS"))[0] ?? null;
+    return {
+      part: number,
+      first: from,
+      blocks: count,
+      side: edge,
+      density,
+      color: bricks(texels.color, quads, colors),
+      directional: partIsDirectional(metadata, number) ? bricks(texels.directional, directionalQuads, directional()) : null,
+      slots: null,
+    };
   }
 
-  /** Whether the level has its place in the atlas of what depends on the direction. */
-  private get isDirectional(): boolean {
-    const finest = finestDirectional(this.metadata);
-    return finest !== null && levelOfPart(this.metadata, this.number) >= finest;
+  /** Marks macro cells; the bricks of density, null where the part has none, or where they are in those of colour. */
+  private density(from: number, to: number): DecodedPart["density"] {
+    const { blocks, macro, groups, plan } = this;
+    const edge = this.stored.block_size;
+    const density = groups.find(({ kind }) => kind === "DENS");
+    if (!density) return null;
+    const end = blocks.reach(to);
+    const { codes, table } = density.looked(from, end);
+    const anisotropy = groups.find(({ kind }) => kind === "ANIS");
+    const sees = (value: number): 0 | 1 => (value > macro.limit ? 1 : 0);
+    const empty = sees(density.map(density.encoding.empty));
+    let seen: Seen = { codes, first: from, table: Uint8Array.from(table, sees), empty };
+    if (anisotropy) {
+      // Beyond this, anisotropy adds what makes a node visible; those that are so without it ask for nothing.
+      const needed = table.map((value) => (value > macro.limit ? -1 : ((macro.limit - value) / BAND_2_NORM) ** 2));
+      const nodes = anisotropy.exceeding(from, end, codes, needed);
+      seen = { codes: nodes, first: from, table: Uint8Array.of(0, 1), empty };
+    }
+    macro.mark(seenBricks(blocks, edge, [from, to], seen), blocks.places.slice(from, to));
+    if (plan.texels.density === "beside") return null;
+    const own = codes.subarray(0, (to - from) * edge ** 3);
+    if (plan.texels.density === "codes") return own.slice() as Uint8Array;
+    return plan.texels.density === "halves" ? Uint16Array.from(own, (code) => toHalf(table[code])) : Float32Array.from(own, (code) => table[code]);
   }
 
   /** Marks of macro cells that the parts so far have set, to be joined with others'; null where the level has no density. */
@@ -202,7 +223,7 @@ export class LevelDecoder {
   table(slotOf: (frame: number) => number | null): Uint32Array {
     return this.blocks.table((frame) => {
       const slot = slotOf(frame);
-      return slot === null ? null : slotPlace(this.plan, slot);
+      return slot === null ? null : (slotPlace(this.plan, slot).map((place) => place * this.plan.slot) as Triple);
     });
   }
 
@@ -222,24 +243,14 @@ export class LevelDecoder {
 /** The square root of the sum of the squares of the functions of band 2: the same in every direction. */
 const BAND_2_NORM = Math.sqrt(5 / (4 * Math.PI));
 
-/** What anisotropy adds to density at most in any direction, node by node. */
-function mostAdded({ codes, first, channels, table }: Filled<Float32Array>, edge: number): Filled<Float32Array> {
-  const nodes = edge ** 3;
-  const most = Float32Array.from({ length: codes.length / channels }, (_, node) => {
-    const at = Math.floor(node / nodes) * channels * nodes + (node % nodes);
-    let sum = 0;
-    for (let channel = 0; channel < channels; channel++) sum += table[codes[at + channel * nodes]] ** 2;
-    return BAND_2_NORM * Math.sqrt(sum);
-  });
-  return { codes: Uint32Array.from(most, (_, node) => node), first, channels: 1, table: most, empty: 0 };
-}
-
 /** One group of a level's channels, and of its codes those that are wanted next. */
 class Group {
   readonly encoding: Encoding;
   readonly channels: number;
   readonly name: string;
   private readonly table: Float64Array | null;
+  /** The same as halves, when they were asked for. */
+  private halves: Uint16Array | null = null;
   /** Codes of a frame. */
   private readonly size: number;
   /** Codes of the frames `[first, end)`, and room behind them. */
@@ -254,7 +265,7 @@ class Group {
     private readonly atlas: Atlas,
     private readonly bytes: Uint8Array,
     /** From a value to what the device interpolates. */
-    private readonly map: Value,
+    readonly map: Value,
   ) {
     ({ encoding: this.encoding, channels: this.channels, name: this.name } = atlas);
     this.size = atlas.channels * atlas.edge ** 3;
@@ -269,16 +280,39 @@ class Group {
     return CODINGS[this.kind].share(this.atlas, this.bytes, from, to);
   }
 
-  /** What bricks are made of, of codes of the frames from `first` on. */
-  filled<T extends Float32Array | Uint16Array>(codes: Codes, first: number, kind: { from(values: ArrayLike<number>): T; new (length: number): T }): Filled<T> {
-    const { channels, encoding } = this;
-    const empty = this.map(encoding.empty);
-    if (this.table) return { codes, first, channels, table: kind.from(this.table), empty };
-    // Too many codes for a table: one entry for each node.
-    const value = values(encoding, this.name, this.map);
-    const table = new kind(codes.length);
-    for (let i = 0; i < codes.length; i++) table[i] = value(codes[i]);
-    return { codes: Uint32Array.from(codes, (_, i) => i), first, channels, table, empty };
+  /**
+   * Codes of the frames `[from, to)`, and by code what is interpolated. Where there are too many codes for that, nodes have
+   * numbers of their own in place of codes.
+   */
+  looked(from: number, to: number): { codes: Codes; table: Float64Array } {
+    const { codes } = this.window(from, to);
+    if (this.table) return { codes, table: this.table };
+    const value = values(this.encoding, this.name, this.map);
+    return { codes: Uint32Array.from(codes, (_, node) => node), table: Float64Array.from(codes, value) };
+  }
+
+  /** The channels of the frames `[from, to)`. */
+  lanes(from: number, to: number): Lane[] {
+    const { channels, size } = this;
+    const { codes, table } = this.looked(from, to);
+    const halves = this.table ? (this.halves ??= Uint16Array.from(table, toHalf)) : Uint16Array.from(table, toHalf);
+    return Array.from({ length: channels }, (_, channel) => ({ codes, start: (channel * size) / channels, stride: size, table: halves }));
+  }
+
+  /** Of anisotropy, 1 for each node whose values have a sum of squares above what is `needed` for its code of density. */
+  exceeding(from: number, to: number, densities: Codes, needed: Float64Array): Uint8Array {
+    const { channels, size } = this;
+    const { codes, table } = this.looked(from, to);
+    const [nodes, squares] = [size / channels, table.map((value) => value * value)];
+    const out = new Uint8Array(densities.length);
+    for (let at = 0, node = 0; at < codes.length; at += size) {
+      for (let code = at, end = at + nodes; code < end; code++, node++) {
+        let left = needed[densities[node]];
+        for (let channel = 0, own = code; channel < channels && left >= 0; channel++, own += nodes) left -= squares[codes[own]];
+        if (left < 0) out[node] = 1;
+      }
+    }
+    return out;
   }
 
   give(codes: Codes): void {

@@ -18,10 +18,9 @@ export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLim
   if (!gl) throw new FieldError("This browser has no WebGL 2.", REMEDY.browser);
   // More is not needed, and places of slots have 10 bits an axis.
   const side = Math.min(2048, gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number);
-  const floatLinear = gl.getExtension("OES_texture_float_linear") !== null;
   const uniforms = gl.getParameter(gl.MAX_FRAGMENT_UNIFORM_VECTORS) as number;
   gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return { side, floatLinear, bytes: usualBytes(), uniforms };
+  return { side, bytes: usualBytes(), uniforms };
 }
 
 /** As of WebGPU, in browsers without WebGL 2; null where there is none either. */
@@ -29,5 +28,5 @@ export async function gpuLimits(): Promise<DeviceLimits | null> {
   const adapter = await navigator.gpu?.requestAdapter();
   if (!adapter) return null;
   const { maxTextureDimension3D, maxUniformBufferBindingSize } = adapter.limits;
-  return { side: Math.min(2048, maxTextureDimension3D), floatLinear: adapter.features.has("float32-filterable"), bytes: MOST_BYTES, uniforms: Math.floor(maxUniformBufferBindingSize / 16) };
+  return { side: Math.min(2048, maxTextureDimension3D), bytes: MOST_BYTES, uniforms: Math.floor(maxUniformBufferBindingSize / 16) };
 }

@@ -1,26 +1,23 @@
 /**
  * Where stored blocks lie in the device's textures.
  *
- * All levels and shells share an atlas of density and one of colour. A stored block takes a slot of both, a cube of
- * nodes one wider than a block: on its upper sides it repeats the lowest nodes of its neighbours, so that hardware
- * interpolates every cell of a block within the slot. The coarsest level has the first slots. A texture's x is the
- * field's z, so that nodes lie as in the file.
+ * All levels and shells share an atlas of density and one of colour. A stored block takes a slot of both, a cube of its
+ * nodes. A texture's x is the field's z, so that nodes lie as in the file.
  *
- * What depends on the direction, which only coarser levels have, lies in a third atlas with the same slots, as many rows
- * of them along y as those levels take.
+ * What depends on the direction, which only some levels have, lies in a third atlas with the same slots, as many rows
+ * of them along y as those levels take: they have the first slots. Of parts alike, the coarsest comes first.
  */
 
 import { FieldError, REMEDY } from "../errors.js";
-import { blockCounts, channelQuads, finestDirectional, type Metadata, type Triple } from "../format/metadata.js";
-import { partsFrom, partsOf, partsOfLevel } from "../format/parts.js";
+import { ANISOTROPY, blockCounts, channelQuads, DIRECTIONAL, hasLevels, type Metadata, type Triple } from "../format/metadata.js";
+import { partsFrom, partsOf } from "../format/parts.js";
 import { macroSides } from "./skip.js";
+import { TEXEL_BYTES, type Texels, texelsOf } from "./texels.js";
 
 /** What the device can hold. */
 export interface DeviceLimits {
   /** Texels along a 3D texture. */
   side: number;
-  /** Whether textures of 32-bit floats are interpolated by hardware; else density is in 16 bits. */
-  floatLinear: boolean;
   /** Bytes of textures, at most. */
   bytes: number;
   /** Uniforms of four numbers that a fragment shader may have. */
@@ -36,7 +33,9 @@ export interface Plan {
   slots: Triple;
   /** Quadruples of colour channels; each has its own slot of the colour atlas, one behind the other along z. */
   quads: number;
-  /** Slots of the atlas of what depends on the direction along its y; 0 where nothing does. */
+  /** The same of values that depend on the direction, anisotropy before directional brightness; 0 where none does. */
+  directionalQuads: number;
+  /** Slots of their atlas along its y. */
   directionalRows: number;
   /** Slots before the first one of each part; none where `isPartial`. */
   firstSlot: number[];
@@ -45,31 +44,54 @@ export interface Plan {
   /** Bytes of all textures, and those that they may take. */
   bytes: number;
   most: number;
-  floatLinear: boolean;
+  texels: Texels;
   /** Uniforms of four numbers that the device takes. */
   uniforms: number;
 }
 
-/** Quadruples of values that depend on the direction: anisotropy, then directional brightness. */
-export const DIRECTIONAL_QUADS = 2;
-
-/** Slots are numbered in the table of blocks with 10 bits along each axis. */
-const MOST_SLOTS = 1024;
+/** In the table of blocks, texels have 11 bits along x and y, and 10 along z. */
+const [MOST_TEXELS, DEEPEST_TEXELS] = [2048, 1024];
 
 /** Of the room for blocks, the share that must be left for them: tables of finer levels than that are not worth it. */
 const LEAST_SHARE = 0.5;
+
+/** Whether a part has values that depend on the direction. */
+export function partIsDirectional(metadata: Metadata, part: number): boolean {
+  const { anisotropy, directional } = partsOf(metadata)[part];
+  return (anisotropy ?? directional) !== undefined;
+}
 
 /** What all layouts of a field have in common. */
 interface Measures {
   quads: number;
   slot: number;
-  /** Bytes of a texel of both atlases. */
-  texelBytes: number;
-  directional: number | null;
+  texels: Texels;
+  directionalQuads: number;
+  /** Bytes of a slot of density and colour, and of one of what depends on the direction. */
+  slotBytes: number;
+  directionalBytes: number;
   /** Slots that lie one behind the other, of the deepest atlas. */
   deepest: number;
   /** Bytes beside atlases and tables. */
   others: number;
+}
+
+function measuresOf(metadata: Metadata, others: number): Measures {
+  const [quads, texels] = [channelQuads(metadata), texelsOf(metadata)];
+  const channels = (hasLevels(metadata, "anisotropy") ? ANISOTROPY : 0) + (hasLevels(metadata, "directional") ? DIRECTIONAL : 0);
+  const directionalQuads = Math.ceil(channels / 4);
+  const slot = Math.max(...partsOf(metadata).map((part) => part.block_size));
+  const [x, y, z] = macroSides(metadata);
+  return {
+    quads,
+    slot,
+    texels,
+    directionalQuads,
+    slotBytes: slot ** 3 * (TEXEL_BYTES[texels.density] + 4 * quads * TEXEL_BYTES[texels.color]),
+    directionalBytes: slot ** 3 * 4 * directionalQuads * TEXEL_BYTES[texels.directional],
+    deepest: Math.max(quads, directionalQuads),
+    others: others + 4 * x * y * z,
+  };
 }
 
 /**
@@ -77,24 +99,14 @@ interface Measures {
  * textures beside those of atlases, tables and skip distances.
  */
 export function plan(metadata: Metadata, device: DeviceLimits, available: number, others = 0): Plan {
-  const quads = channelQuads(metadata);
-  const directional = finestDirectional(metadata);
-  const [x, y, z] = macroSides(metadata);
-  const measures: Measures = {
-    quads,
-    slot: Math.max(...partsOf(metadata).map((part) => part.block_size)) + 1,
-    texelBytes: (device.floatLinear ? 4 : 2) + 8 * quads,
-    directional,
-    deepest: directional === null ? quads : Math.max(quads, DIRECTIONAL_QUADS),
-    others: others + 4 * x * y * z,
-  };
+  const measures = measuresOf(metadata, others);
   const whole = planWhole(metadata, device, available, measures);
   if (whole?.finest === available) return whole;
   const some = planSome(metadata, device, available, measures) ?? whole;
   if (some) return some;
   const blocks = blocksFrom(metadata, metadata.levels.length - 1);
   const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
-  const least = blocks * measures.slot ** 3 * measures.texelBytes + measures.others;
+  const least = blocks * measures.slotBytes + measures.others;
   if (least > device.bytes) {
     throw new FieldError(`This field's coarsest level needs ${megabytes(least)} MB of textures; ${megabytes(device.bytes)} MB are allowed.`, REMEDY.budget);
   }
@@ -102,28 +114,30 @@ export function plan(metadata: Metadata, device: DeviceLimits, available: number
 }
 
 /** As many levels as fit whole; null where none does. */
-function planWhole(metadata: Metadata, device: DeviceLimits, available: number, { quads, slot, texelBytes, directional, deepest, others }: Measures): Plan | null {
+function planWhole(metadata: Metadata, device: DeviceLimits, available: number, measures: Measures): Plan | null {
   const { levels } = metadata;
   const parts = partsOf(metadata);
-  const firstSlot = new Array<number>(parts.length).fill(0);
+  const { quads, slot, texels, directionalQuads, directionalBytes, others } = measures;
   let fitting: Plan | null = null;
-  let count = 0;
-  let directionalSlots = 0;
   for (let finest = levels.length - 1; finest >= available; finest--) {
-    for (const part of partsOfLevel(metadata, finest)) {
+    const own = partsFrom(metadata, finest);
+    const directional = own.filter((part) => partIsDirectional(metadata, part));
+    const firstSlot = new Array<number>(parts.length).fill(0);
+    let [count, directionalSlots] = [0, 0];
+    for (const part of [...directional, ...own.filter((part) => !directional.includes(part))]) {
       firstSlot[part] = count;
       count += parts[part].blocks_stored;
+      if (directional.includes(part)) directionalSlots = count;
     }
-    if (directional !== null && finest >= directional) directionalSlots = count;
-    const slots = arrange(Math.max(count, 1), device.side, slot, deepest);
+    const slots = arrange(Math.max(count, 1), directionalSlots, device.side, measures);
     const table = tableSides(metadata, finest);
     if (!slots || Math.max(...table) > device.side) break;
-    const directionalRows = Math.ceil(directionalSlots / (slots[0] * slots[2]));
-    const directionalBytes = directionalRows * 8 * DIRECTIONAL_QUADS;
-    const bytes = slots[0] * slots[2] * slot ** 3 * (slots[1] * texelBytes + directionalBytes) + tableBytes(table) + others;
+    const directionalRows = rowsOf(directionalSlots, slots);
+    const bytes = bytesOf(slots, directionalRows, measures) + tableBytes(table) + others;
     if (bytes > device.bytes) break;
     const renders = finest === 0 || levels.every((level) => level.density !== null);
-    if (renders) fitting = { finest, slot, slots, quads, directionalRows, firstSlot: [...firstSlot], isPartial: false, bytes, most: device.bytes, floatLinear: device.floatLinear, uniforms: device.uniforms };
+    const isAny = directionalBytes > 0 && directionalRows > 0;
+    if (renders) fitting = { finest, slot, slots, quads, directionalQuads: isAny ? directionalQuads : 0, directionalRows, firstSlot, isPartial: false, bytes, most: device.bytes, texels, uniforms: device.uniforms };
   }
   return fitting;
 }
@@ -132,8 +146,9 @@ function planWhole(metadata: Metadata, device: DeviceLimits, available: number, 
  * Room for a part of the blocks of all levels, which those near the camera get; null where the coarsest level does not fit.
  * The finest levels whose tables alone would take too much are left out.
  */
-function planSome(metadata: Metadata, device: DeviceLimits, available: number, { quads, slot, texelBytes, directional, deepest, others }: Measures): Plan | null {
+function planSome(metadata: Metadata, device: DeviceLimits, available: number, measures: Measures): Plan | null {
   const { levels } = metadata;
+  const { quads, slot, texels, directionalQuads, slotBytes, directionalBytes, others } = measures;
   // Where all levels are drawn with the densities of one, it has to be whole.
   if (levels.some((level) => level.density === null)) return null;
   const least = blocksFrom(metadata, levels.length - 1);
@@ -141,15 +156,24 @@ function planSome(metadata: Metadata, device: DeviceLimits, available: number, {
     const table = tableSides(metadata, finest);
     const room = device.bytes - others - tableBytes(table);
     if (Math.max(...table) > device.side || room < LEAST_SHARE * (device.bytes - others)) continue;
-    const slotBytes = slot ** 3 * (texelBytes + (directional === null ? 0 : 8 * DIRECTIONAL_QUADS));
-    const slots = arrangeWithin(Math.floor(room / slotBytes), device.side, slot, deepest);
+    const slots = arrangeWithin(Math.floor(room / (slotBytes + directionalBytes)), device.side, measures);
     const count = slots ? slots[0] * slots[1] * slots[2] : 0;
     if (!slots || count < least) continue;
-    const bytes = count * slotBytes + tableBytes(table) + others;
-    const directionalRows = directional === null ? 0 : slots[1];
-    return { finest, slot, slots, quads, directionalRows, firstSlot: [], isPartial: true, bytes, most: device.bytes, floatLinear: device.floatLinear, uniforms: device.uniforms };
+    const directionalRows = directionalQuads > 0 ? slots[1] : 0;
+    const bytes = bytesOf(slots, directionalRows, measures) + tableBytes(table) + others;
+    return { finest, slot, slots, quads, directionalQuads, directionalRows, firstSlot: [], isPartial: true, bytes, most: device.bytes, texels, uniforms: device.uniforms };
   }
   return null;
+}
+
+/** Rows of so many slots, along y. */
+function rowsOf(count: number, [x, , z]: Triple): number {
+  return Math.ceil(count / (x * z));
+}
+
+/** Bytes of atlases. */
+function bytesOf([x, y, z]: Triple, directionalRows: number, { slotBytes, directionalBytes }: Measures): number {
+  return x * z * (y * slotBytes + directionalRows * directionalBytes);
 }
 
 /** Stored blocks of all levels and shells from a level on. */
@@ -168,24 +192,33 @@ function tableBytes([x, y, z]: Triple): number {
 }
 
 /** Slots along an axis, and along the one where quadruples lie behind each other, at most. */
-function mostSlots(side: number, slot: number, quads: number): [number, number] {
-  const most = Math.min(MOST_SLOTS, Math.floor(side / slot));
-  return [most, Math.min(most, Math.floor(side / (slot * quads)))];
+function mostSlots(side: number, { slot, deepest }: Measures): [number, number] {
+  const most = Math.floor(Math.min(side, MOST_TEXELS) / slot);
+  return [most, Math.min(most, Math.floor(Math.min(DEEPEST_TEXELS, side / deepest) / slot))];
 }
 
-/** Slots along each axis for `count` of them, as near to a cube as fits. */
-function arrange(count: number, side: number, slot: number, quads: number): Triple | null {
-  const [most, deepest] = mostSlots(side, slot, quads);
-  if (most < 1 || deepest < 1) return null;
-  const z = Math.min(deepest, Math.ceil(Math.cbrt(count)));
-  const x = Math.min(most, Math.ceil(Math.sqrt(count / z)));
-  const y = Math.ceil(count / (x * z));
-  return y <= most ? [x, y, z] : null;
+/**
+ * Slots along each axis for `count` of them, `directional` of which are in the third atlas: those that leave the least room
+ * unused, of numbers along z from that of a cube to twice as many. Null where they do not fit.
+ */
+function arrange(count: number, directional: number, side: number, measures: Measures): Triple | null {
+  const [most, deepest] = mostSlots(side, measures);
+  let best: { slots: Triple; bytes: number } | null = null;
+  const cube = Math.min(deepest, Math.ceil(Math.cbrt(count)));
+  for (let z = Math.max(cube, 1); z <= Math.min(deepest, 2 * cube, count); z++) {
+    const square = Math.ceil(Math.sqrt(count / z));
+    for (let x = Math.ceil(square / 2); x <= Math.min(most, 2 * square); x++) {
+      const slots: Triple = [x, Math.ceil(count / (x * z)), z];
+      const bytes = bytesOf(slots, rowsOf(directional, slots), measures);
+      if (slots[1] <= most && (!best || bytes < best.bytes)) best = { slots, bytes };
+    }
+  }
+  return best && best.slots;
 }
 
 /** Slots along each axis, `count` of them at most. */
-function arrangeWithin(count: number, side: number, slot: number, quads: number): Triple | null {
-  const [most, deepest] = mostSlots(side, slot, quads);
+function arrangeWithin(count: number, side: number, measures: Measures): Triple | null {
+  const [most, deepest] = mostSlots(side, measures);
   if (most < 1 || deepest < 1 || count < 1) return null;
   const z = Math.min(deepest, Math.floor(Math.cbrt(count)));
   const x = Math.min(most, Math.floor(Math.sqrt(count / z)));

@@ -2,9 +2,9 @@
 
 import { prepareLanes } from "../format/codings/lanes.js";
 import { prepareInflate } from "../format/zstd.js";
-import { prepareBricks } from "./fill.js";
 import { prepareSweeps } from "./sweeps.js";
+import { prepareWeaver } from "./weaver.js";
 
 export async function prepareDecoding(): Promise<void> {
-  await Promise.all([prepareInflate(), prepareLanes(), prepareBricks(), prepareSweeps()]);
+  await Promise.all([prepareInflate(), prepareLanes(), prepareWeaver(), prepareSweeps()]);
 }

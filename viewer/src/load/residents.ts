@@ -10,7 +10,7 @@
 import type { Metadata, Triple } from "../format/metadata.js";
 import { boxesOf, boxOfPart, extentOf, levelOfPart, partsOf } from "../format/parts.js";
 import type { DecodedPart } from "./level.js";
-import { DIRECTIONAL_QUADS, type Plan } from "./plan.js";
+import type { Plan } from "./plan.js";
 
 /** Where a camera is and looks, in a field's axes; what it sees is within an angle of `forward`, of length 1, with this cosine. */
 export interface Look {
@@ -175,7 +175,7 @@ export class Residents {
 }
 
 /** Of a decoded part, the bricks of blocks that have slots; null where none has. */
-export function resident(part: DecodedPart, { quads }: Plan, slotOf: (block: number) => number | null): DecodedPart | null {
+export function resident(part: DecodedPart, { quads, directionalQuads }: Plan, slotOf: (block: number) => number | null): DecodedPart | null {
   const found: [number, number][] = [];
   for (let block = 0; block < part.blocks; block++) {
     const slot = slotOf(part.first + block);
@@ -183,7 +183,7 @@ export function resident(part: DecodedPart, { quads }: Plan, slotOf: (block: num
   }
   if (found.length === 0) return null;
   const nodes = part.side ** 3;
-  const picked = <T extends Float32Array | Uint16Array>(bricks: T, rows: number, size: number): T => {
+  const picked = <T extends Uint8Array | Uint16Array | Float32Array>(bricks: T, rows: number, size: number): T => {
     const out = new (bricks.constructor as new (length: number) => T)(rows * found.length * size);
     for (let row = 0; row < rows; row++) {
       found.forEach(([block], i) => {
@@ -198,7 +198,7 @@ export function resident(part: DecodedPart, { quads }: Plan, slotOf: (block: num
     blocks: found.length,
     density: part.density && picked(part.density, 1, nodes),
     color: picked(part.color, quads, 4 * nodes),
-    directional: part.directional && picked(part.directional, DIRECTIONAL_QUADS, 4 * nodes),
+    directional: part.directional && picked(part.directional, directionalQuads, 4 * nodes),
     slots: Uint32Array.from(found, ([, slot]) => slot),
   };
 }

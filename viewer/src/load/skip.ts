@@ -11,6 +11,7 @@ import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import { boxesOf, boxOfPart, extentOf, finestPart, isNested, partsOf } from "../format/parts.js";
 import { invisibleDensity } from "./interpolated.js";
 import { sweepLanes } from "./sweeps.js";
+import { storedCodes } from "./texels.js";
 
 /** Level-0 cells along a macro cell's edge where the box has few. */
 const LEAST_EDGE = 2;
@@ -22,32 +23,59 @@ export function boxNodes(metadata: Metadata, box: number): Triple {
   return partsOf(metadata)[finestPart(metadata, box)].dimensions;
 }
 
-/** The finest cells of a box along a macro cell's edge. */
-export function macroEdge(metadata: Metadata, box: number): number {
+/** Bytes of skip distances, at most, as a share of those of all codes; and how much larger macro cells may become for that. */
+const [MOST_SHARE, MOST_LARGER] = [0.25, 8];
+
+/** The finest cells of a box along a macro cell's edge, where those are `larger` than they should be. */
+function edgeOf(metadata: Metadata, box: number, larger: number): number {
   const most = Math.max(...boxNodes(metadata, box)) - 1;
-  return Math.max(LEAST_EDGE, Math.ceil(most / (isNested(metadata) ? MOST_NESTED : MOST_CELLS)));
+  return larger * Math.max(LEAST_EDGE, Math.ceil(most / (isNested(metadata) ? MOST_NESTED : MOST_CELLS)));
 }
 
-/** A box's macro cells along each axis. */
-export function macroCounts(metadata: Metadata, box: number): Triple {
-  const edge = macroEdge(metadata, box);
-  return boxNodes(metadata, box).map((nodes) => Math.ceil((nodes - 1) / edge)) as Triple;
+function countsOf(metadata: Metadata, box: number, larger: number): Triple {
+  return boxNodes(metadata, box).map((nodes) => Math.ceil((nodes - 1) / edgeOf(metadata, box, larger))) as Triple;
 }
 
 /** Boxes whose macro cells lie side by side along the field's y; more lie in rows along its z. */
 export const BOXES_BESIDE = 16;
 
+/** Room for the macro cells of any box, and the sides of the texture that has all of them. */
+function roomOf(metadata: Metadata, larger: number): { room: Triple; sides: Triple } {
+  const counts = boxesOf(metadata).map((_, box) => countsOf(metadata, box, larger));
+  const room = [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis]))) as Triple;
+  const [x, y, z] = room;
+  const sides: Triple = [z * Math.ceil(counts.length / BOXES_BESIDE), y * Math.min(counts.length, BOXES_BESIDE), x * Math.ceil(metadata.levels.length / 4)];
+  return { room, sides };
+}
+
+/** How much larger macro cells are: worlds of many boxes and few blocks would have more of them than of anything else. */
+function largerBy(metadata: Metadata): number {
+  let larger = 1;
+  for (; larger < MOST_LARGER; larger *= 2) {
+    const [x, y, z] = roomOf(metadata, larger).sides;
+    if (4 * x * y * z <= MOST_SHARE * storedCodes(metadata)) break;
+  }
+  return larger;
+}
+
+/** The finest cells of a box along a macro cell's edge. */
+export function macroEdge(metadata: Metadata, box: number): number {
+  return edgeOf(metadata, box, largerBy(metadata));
+}
+
+/** A box's macro cells along each axis. */
+export function macroCounts(metadata: Metadata, box: number): Triple {
+  return countsOf(metadata, box, largerBy(metadata));
+}
+
 /** Room for the macro cells of any box along the field's axes: along x for a quadruple of levels. */
 export function macroRoom(metadata: Metadata): Triple {
-  const counts = boxesOf(metadata).map((_, box) => macroCounts(metadata, box));
-  return [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis]))) as Triple;
+  return roomOf(metadata, largerBy(metadata)).room;
 }
 
 /** Sides of the texture of skip distances, of four bytes a texel, whose x is the field's z. */
 export function macroSides(metadata: Metadata): Triple {
-  const [x, y, z] = macroRoom(metadata);
-  const boxes = boxesOf(metadata).length;
-  return [z * Math.ceil(boxes / BOXES_BESIDE), y * Math.min(boxes, BOXES_BESIDE), x * Math.ceil(metadata.levels.length / 4)];
+  return roomOf(metadata, largerBy(metadata)).sides;
 }
 
 /** Of the occupied macro cells along an axis, those at each end that may be stray. */
@@ -86,7 +114,9 @@ export function freePlace(skipDistances: Uint8Array, counts: Triple, least: numb
   for (let x = 0, cell = 0; x < nx; x++) {
     for (let y = 0; y < ny; y++) {
       for (let z = 0; z < nz; z++) {
-        const free = Math.min(skipDistances[cell++], toFace(x, nx), toFace(y, ny), toFace(z, nz));
+        const known = skipDistances[cell++];
+        if (known < least || (best && known < best.free)) continue;
+        const free = Math.min(known, toFace(x, nx), toFace(y, ny), toFace(z, nz));
         if (free < least || (best && free < best.free)) continue;
         const place = [x, y, z].map((at, axis) => (at + 0.5) / counts[axis]);
         // Of several, the one nearest to the middle.
@@ -112,7 +142,8 @@ export class MacroCells {
   private readonly edge: number;
   private readonly nodes: Triple;
   private readonly block: number;
-  private readonly limit: number;
+  /** The density up to which nothing is seen. */
+  readonly limit: number;
   /** Of each axis, by the place of a block along it, what `groups` says. */
   private readonly along: readonly Nodes[][][];
 
@@ -139,8 +170,8 @@ export class MacroCells {
     return skipDistances;
   }
 
-  /** Marks the groups in which a corner of a cell can be seen. `bricks` are the densities of the blocks at `places`. */
-  mark(bricks: Float32Array, places: Triple[]): void {
+  /** Marks the groups in which a corner of a cell can be seen. `bricks` say which nodes can, of the blocks at `places` and their aprons. */
+  mark(bricks: Uint8Array, places: Triple[]): void {
     const { marks } = this;
     const [, gy, gz] = this.groupCounts();
     const side = this.block + 1;
@@ -159,14 +190,13 @@ export class MacroCells {
     }
   }
 
-  /** Whether a node of a box in a brick is not invisible. Most boxes tell by one of their first nodes. */
-  private canBeSeen(bricks: Float32Array, brick: number, xs: Nodes, ys: Nodes, zs: Nodes): boolean {
-    const { limit } = this;
+  /** Whether a node of a box in a brick can be seen. Most boxes tell by one of their first nodes. */
+  private canBeSeen(bricks: Uint8Array, brick: number, xs: Nodes, ys: Nodes, zs: Nodes): boolean {
     const side = this.block + 1;
     for (let x = xs.first; x <= xs.last; x++) {
       for (let y = ys.first; y <= ys.last; y++) {
         const row = brick + (x * side + y) * side;
-        for (let node = row + zs.first; node <= row + zs.last; node++) if (bricks[node] > limit) return true;
+        for (let node = row + zs.first; node <= row + zs.last; node++) if (bricks[node] === 1) return true;
       }
     }
     return false;
@@ -193,20 +223,26 @@ export class MacroCells {
 
   /** Writes 0 into the macro cells of a box that marked groups overlap. */
   private clear(groups: Uint8Array, skipDistances: Uint8Array, box: number): void {
-    const [, gy, gz] = this.groupCounts();
     const counts = macroCounts(this.metadata, box);
     const [, ny, nz] = counts;
-    const ranges = this.groupCounts().map((count, axis) => {
+    const [alongX, alongY, alongZ] = this.groupCounts().map((count, axis) => {
       const place = this.placeIn(box, axis);
       return Array.from({ length: count }, (_, group) => this.overlap(axis, group, place, counts[axis]));
     });
-    groups.forEach((marked, group) => {
-      if (!marked) return;
-      const [xs, ys, zs] = [ranges[0][Math.floor(group / gz / gy)], ranges[1][Math.floor(group / gz) % gy], ranges[2][group % gz]];
-      for (let x = xs[0]; x < xs[1]; x++) {
-        for (let y = ys[0]; y < ys[1]; y++) skipDistances.fill(0, (x * ny + y) * nz + zs[0], (x * ny + y) * nz + zs[1]);
+    let group = 0;
+    for (const xs of alongX) {
+      for (const ys of alongY) {
+        for (const zs of alongZ) {
+          if (groups[group++] === 0) continue;
+          for (let x = xs[0]; x < xs[1]; x++) {
+            for (let y = ys[0]; y < ys[1]; y++) {
+              const row = (x * ny + y) * nz;
+              for (let cell = row + zs[0]; cell < row + zs[1]; cell++) skipDistances[cell] = 0;
+            }
+          }
+        }
       }
-    });
+    }
   }
 
   /** Along an axis, in macro cells of a box, where the part's first node is, and the distance of its nodes. */

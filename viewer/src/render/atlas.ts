@@ -5,7 +5,7 @@ import { blockCounts, type Triple } from "../format/metadata.js";
 import { boxesOf, levelOfPart, partsFrom, partsOf, partsOfLevel } from "../format/parts.js";
 import type { DecodedPart, LevelEntry, Skips } from "../load/level.js";
 import type { Opened } from "../load/loader.js";
-import { DIRECTIONAL_QUADS, slotPlace } from "../load/plan.js";
+import { slotPlace } from "../load/plan.js";
 import { macroCounts } from "../load/skip.js";
 import type { DeviceTexture, TextureDevice } from "./textureDevice.js";
 import { allocate, macroStart, tableStarts, type Textures } from "./textures.js";
@@ -168,7 +168,7 @@ export class Atlas {
   private bring(upload: { part: DecodedPart; done: number }, device: TextureDevice, textures: Textures): number {
     const { part, done } = upload;
     const { plan } = this.opened;
-    const { slot, slots, quads, firstSlot } = plan;
+    const { slot, slots, quads, directionalQuads, firstSlot } = plan;
     const { side, density, color, directional, slots: own } = part;
     const nodes = side ** 3;
     const [x, y, z] = slotPlace(plan, own ? own[done] : firstSlot[part.part] + part.first + done);
@@ -178,16 +178,17 @@ export class Atlas {
       device.write(texture, [x * slot, y * slot, z * slot], [side, side, blocks * side], values);
     };
     if (density) put(textures.u_density!, z, density.subarray(done * nodes, (done + blocks) * nodes));
-    const putQuads = (texture: DeviceTexture, quads: number, bricks: Uint16Array) => {
+    const putQuads = (texture: DeviceTexture, quads: number, bricks: Uint8Array | Uint16Array) => {
       for (let quad = 0; quad < quads; quad++) {
         const at = (quad * part.blocks + done) * nodes * 4;
         put(texture, z + quad * slots[2], bricks.subarray(at, at + blocks * nodes * 4));
       }
     };
     putQuads(textures.u_color!, quads, color);
-    if (directional) putQuads(textures.u_directional!, DIRECTIONAL_QUADS, directional);
+    if (directional) putQuads(textures.u_directional!, directionalQuads, directional);
     upload.done += blocks;
-    return blocks * nodes * (8 * (quads + (directional ? DIRECTIONAL_QUADS : 0)) + (density?.BYTES_PER_ELEMENT ?? 0));
+    const bytes = [density, color, directional].reduce((sum, bricks) => sum + (bricks?.byteLength ?? 0), 0);
+    return (bytes * blocks) / part.blocks;
   }
 
   /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */

@@ -9,9 +9,11 @@ precision highp usampler3D;
 layout(location = 0) out vec4 fragment;
 
 // Slots of nodes, and the places of their blocks; x of a texture is z of the field.
+#ifndef BESIDE
 uniform sampler3D u_density;
+#endif
 uniform sampler3D u_color;
-#ifdef FINEST_DIRECTIONAL
+#ifdef DIRECTIONAL
 uniform sampler3D u_directional;
 #endif
 uniform usampler3D u_table;
@@ -20,11 +22,13 @@ uniform sampler2D u_weights;
 uniform int u_slot;
 uniform int u_slotsDeep;
 // Of each level: nodes along the axes and of a block's edge; where its table starts along the field's x, whether it has
-// density, how that is decoded, and whether it has anisotropy; what density, diffuse colour, features and directional brightness are where nothing is
-// stored.
+// density, how that is decoded, and whether it has anisotropy (1), directional brightness (2) or both (3); what density, diffuse
+// colour, features and directional brightness are where nothing is stored.
 uniform ivec4 u_nodes[PARTS];
 uniform ivec4 u_levels[PARTS];
 uniform vec4 u_empty[PARTS];
+// Of each level and group of channels, what `decoding` of texels.ts says. Density is the first group, diffuse colour the second.
+uniform vec4 u_codes[PARTS * GROUPS];
 #ifdef FUNCTIONS
 // The same of the coefficients of bands 1 to 3.
 uniform vec3 u_emptyBands[PARTS];
@@ -138,24 +142,37 @@ float opticalDepth(float density, int decode) {
 }
 
 #ifdef PARTIAL
-// Whether the block that was located last is stored, but has no slot.
+// In the table: the block is stored, but has no slot.
+const uint ABSENT = 0xffffffffu;
+// Whether that holds for a block of the cell that was located last.
 bool isAbsent;
 #endif
 
-// The texel of a position in the slot of its cell's block; false where the level stores none.
-bool locate(int level, vec3 position, out vec3 texel) {
+// The corners of the cell that a position lies in: texels, with 11 bits for x and y and 10 for z, and shares of what is
+// interpolated, 0 of those that are not stored. Of `lower` and `upper`, along the field's x, the second corner is the next one
+// along its z, the third along its y, and the fourth along both.
+struct Cell { uvec4 lower, upper; vec4 lowerShares, upperShares; };
+
+// One more than the first texel of a block's slot; 0 where it is not stored.
+uint lookUp(int level, ivec3 block) {
+  fetches++;
+  return texelFetch(u_table, ivec3(block.zy, block.x + u_levels[level].x), 0).r;
+}
+
+// False where the level stores nothing at the position.
+bool locate(int level, vec3 position, out Cell cell) {
   ivec3 nodes = u_nodes[level].xyz;
   int edge = u_nodes[level].w;
   vec3 at = position * vec3(nodes - 1);
+  ivec3 lowest = min(ivec3(at), nodes - 2);
   // Half a node above the lowest one no rounding moves the quotient past a whole number; processors divide whole numbers
   // one by one.
-  ivec3 block = ivec3((vec3(min(ivec3(at), nodes - 2)) + 0.5) / float(edge));
+  ivec3 block = ivec3((vec3(lowest) + 0.5) / float(edge));
   bool isOdd = (LEVEL_OF(level) & 1) == 1;
   uint place = isOdd ? placeOdd : placeEven;
   ivec4 wanted = ivec4(block, level);
   if ((isOdd ? lookedUpOdd : lookedUpEven) != wanted) {
-    place = texelFetch(u_table, ivec3(block.zy, block.x + u_levels[level].x), 0).r;
-    fetches++;
+    place = lookUp(level, block);
     if (isOdd) {
       lookedUpOdd = wanted;
       placeOdd = place;
@@ -165,46 +182,164 @@ bool locate(int level, vec3 position, out vec3 texel) {
     }
   }
 #ifdef PARTIAL
-  isAbsent = place >> 31 == 1u;
+  isAbsent = place == ABSENT;
 #endif
-  uvec3 slot = uvec3(place, place >> 10, place >> 20) & 1023u;
-  texel = vec3(slot) * float(u_slot) + 0.5 + (at - vec3(block * edge)).zyx;
   // A dense grid stores everything.
-  return place != 0u || !u_skips;
-}
-
-float densityAt(vec3 texel) {
-  fetches++;
-  return textureLod(u_density, texel / vec3(textureSize(u_density, 0)), 0.0).r;
-}
-
-void colorAt(int level, bool stored, vec3 texel, out vec4 color[QUADS]) {
-  if (!stored) {
-#ifdef FUNCTIONS
-    vec3 bands = u_emptyBands[level];
-    for (int channel = 3; channel < 4 * QUADS; channel++) color[channel / 4][channel % 4] = channel < 12 ? bands.x : channel < 27 ? bands.y : bands.z;
-#else
-    for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(u_empty[level].z);
+  if (place == 0u && u_skips) return false;
+  ivec3 low = lowest - block * edge;
+  // Along these axes, the cell has nodes of the next blocks.
+  bvec3 leaves = equal(low, ivec3(edge - 1));
+  uvec4 lower = uvec4(place), upper = uvec4(place);
+  if (leaves.z) lower.yw = upper.yw = uvec2(lookUp(level, block + ivec3(0, 0, 1)));
+  if (leaves.y) {
+    lower.zw = upper.zw = uvec2(lookUp(level, block + ivec3(0, 1, 0)));
+    if (leaves.z) lower.w = upper.w = lookUp(level, block + ivec3(0, 1, 1));
+  }
+  if (leaves.x) {
+    upper = uvec4(lookUp(level, block + ivec3(1, 0, 0)));
+    if (leaves.z) upper.yw = uvec2(lookUp(level, block + ivec3(1, 0, 1)));
+    if (leaves.y) {
+      upper.zw = uvec2(lookUp(level, block + ivec3(1, 1, 0)));
+      if (leaves.z) upper.w = lookUp(level, block + ivec3(1, 1, 1));
+    }
+  }
+#ifdef PARTIAL
+  isAbsent = any(equal(lower, uvec4(ABSENT))) || any(equal(upper, uvec4(ABSENT)));
 #endif
-    color[0].xyz = vec3(u_empty[level].y);
-    return;
+  uvec3 first = uvec3(low), last = uvec3(not(leaves)) * (first + 1u);
+  uvec4 within = (uvec4(first.y, first.y, last.y, last.y) << 11) + uvec4(first.z, last.z, first.z, last.z) - 1u;
+  cell.lower = lower + within + (first.x << 22);
+  cell.upper = upper + within + (last.x << 22);
+  vec3 f = at - vec3(lowest), g = 1.0 - f;
+  vec4 shares = vec4(g.y, g.y, f.y, f.y) * vec4(g.z, f.z, g.z, f.z);
+  cell.lowerShares = shares * g.x * vec4(notEqual(lower, uvec4(0u)));
+  cell.upperShares = shares * f.x * vec4(notEqual(upper, uvec4(0u)));
+  return true;
+}
+
+ivec3 placeOf(uint texel) {
+  return ivec3(texel & 2047u, texel >> 11 & 2047u, texel >> 22);
+}
+
+float densityOf(uint texel) {
+#ifdef BESIDE
+  ivec3 place = placeOf(texel);
+  return texelFetch(u_color, ivec3(place.xy, place.z + (QUADS - 1) * u_slotsDeep * u_slot), 0).a;
+#else
+  return texelFetch(u_density, placeOf(texel), 0).r;
+#endif
+}
+
+vec4 densitiesOf(uvec4 texels) {
+  return vec4(densityOf(texels.x), densityOf(texels.y), densityOf(texels.z), densityOf(texels.w));
+}
+
+// What is interpolated counts as one fetch, of however many texels.
+float densityAt(int level, Cell cell) {
+  fetches++;
+  vec4 codes = u_codes[level * GROUPS];
+  vec4 lower = densitiesOf(cell.lower), upper = densitiesOf(cell.upper);
+  vec4 lowerShares = cell.lowerShares, upperShares = cell.upperShares;
+  if (codes.w < 0.0) {
+    lowerShares *= vec4(notEqual(lower, vec4(0.0)));
+    upperShares *= vec4(notEqual(upper, vec4(0.0)));
   }
-  vec3 size = vec3(textureSize(u_color, 0));
+  lower -= abs(codes.w);
+  upper -= abs(codes.w);
+  float stored = dot(lowerShares + upperShares, vec4(1.0));
+  float sum = dot(lowerShares, lower) + dot(upperShares, upper);
+  float density = codes.x * stored + codes.y * sum + (1.0 - stored) * u_empty[level].x;
+#ifdef DENSITY_CURVES
+  density += codes.z * (dot(lowerShares, lower * lower * lower) + dot(upperShares, upper * upper * upper));
+#endif
+  return density;
+}
+
+// Of four channels, sums over the corners: of shares of what is stored, of codes, and of their cubes.
+struct Sums { vec4 stored, codes, cubes; };
+
+void add(sampler3D atlas, uint texel, int behind, float share, vec4 middle, inout Sums sums) {
+  ivec3 place = placeOf(texel);
+  vec4 code = texelFetch(atlas, ivec3(place.xy, place.z + behind), 0);
+  vec4 x = code - abs(middle);
+#ifdef EMPTY_CODES
+  vec4 own = share * (1.0 - vec4(equal(code, vec4(0.0))) * vec4(lessThan(middle, vec4(0.0))));
+#else
+  float own = share;
+#endif
+  sums.stored += own;
+  sums.codes += own * x;
+#ifdef CURVES
+  sums.cubes += own * x * x * x;
+#endif
+}
+
+// Four channels of an atlas, of two groups at most: those where `isLast` is 1 are of the second, the others of the first.
+vec4 quadAt(sampler3D atlas, int quad, Cell cell, vec4 first, vec4 last, vec4 isLast, vec4 empty) {
+  fetches++;
+  vec4 middle = mix(first.wwww, last.wwww, isLast);
+  Sums sums = Sums(vec4(0.0), vec4(0.0), vec4(0.0));
+  // Quadruples of all slots lie one behind the other.
+  int behind = quad * u_slotsDeep * u_slot;
+  add(atlas, cell.lower.x, behind, cell.lowerShares.x, middle, sums);
+  add(atlas, cell.lower.y, behind, cell.lowerShares.y, middle, sums);
+  add(atlas, cell.lower.z, behind, cell.lowerShares.z, middle, sums);
+  add(atlas, cell.lower.w, behind, cell.lowerShares.w, middle, sums);
+  add(atlas, cell.upper.x, behind, cell.upperShares.x, middle, sums);
+  add(atlas, cell.upper.y, behind, cell.upperShares.y, middle, sums);
+  add(atlas, cell.upper.z, behind, cell.upperShares.z, middle, sums);
+  add(atlas, cell.upper.w, behind, cell.upperShares.w, middle, sums);
+  vec4 value = mix(first.xxxx, last.xxxx, isLast) * sums.stored + mix(first.yyyy, last.yyyy, isLast) * sums.codes;
+#ifdef CURVES
+  value += mix(first.zzzz, last.zzzz, isLast) * sums.cubes;
+#endif
+  return value + (1.0 - sums.stored) * empty;
+}
+
+// The group of a channel of colour.
+int groupOf(int channel) {
+#ifdef FUNCTIONS
+  return channel < 3 ? 1 : channel < 12 ? 2 : channel < 27 ? 3 : 4;
+#else
+  return channel < 3 ? 1 : 2;
+#endif
+}
+
+// What a group of colour is where nothing is stored.
+float emptyColor(int level, int group) {
+#ifdef FUNCTIONS
+  if (group > 1) return group == 2 ? u_emptyBands[level].x : group == 3 ? u_emptyBands[level].y : u_emptyBands[level].z;
+#endif
+  return group == 1 ? u_empty[level].y : u_empty[level].z;
+}
+
+void colorAt(int level, bool stored, Cell cell, out vec4 color[QUADS]) {
   for (int quad = 0; quad < QUADS; quad++) {
-    fetches++;
-    // Quadruples of all slots lie one behind the other.
-    vec3 place = texel + vec3(0.0, 0.0, float(quad * u_slotsDeep * u_slot));
-    color[quad] = textureLod(u_color, place / size, 0.0);
+    // Channels behind the last are not used as colours.
+    int first = groupOf(4 * quad), last = min(groupOf(4 * quad + 3), LAST_COLOR);
+    ivec4 groups = ivec4(first, groupOf(4 * quad + 1), groupOf(4 * quad + 2), last);
+    vec4 isLast = vec4(equal(groups, ivec4(last)));
+    vec4 empty = mix(vec4(emptyColor(level, first)), vec4(emptyColor(level, last)), isLast);
+    color[quad] = empty;
+    if (stored) color[quad] = quadAt(u_color, quad, cell, u_codes[level * GROUPS + first], u_codes[level * GROUPS + last], isLast, empty);
   }
 }
 
-#ifdef FINEST_DIRECTIONAL
-// Four values that depend on the direction, of a level from FINEST_DIRECTIONAL on: four of anisotropy; the fifth, and
-// directional brightness.
-vec4 directionalAt(int quad, vec3 texel) {
-  fetches++;
-  vec3 place = texel + vec3(0.0, 0.0, float(quad * u_slotsDeep * u_slot));
-  return textureLod(u_directional, place / vec3(textureSize(u_directional, 0)), 0.0);
+#ifdef DIRECTIONAL
+// Four values that depend on the direction. Anisotropy comes first, if the field has it: its fifth value is the first of the
+// second quadruple. Of levels that have some values, the others are 0.
+vec4 directionalAt(int level, int quad, Cell cell, vec4 empty) {
+#if defined(ANISOTROPY) && defined(BRIGHTNESS)
+  vec4 isLast = quad == 0 ? vec4(0.0) : vec4(0.0, 1.0, 1.0, 1.0);
+  return quadAt(u_directional, quad, cell, u_codes[level * GROUPS + ANISOTROPY], u_codes[level * GROUPS + BRIGHTNESS], isLast, empty);
+#else
+#ifdef ANISOTROPY
+  vec4 codes = u_codes[level * GROUPS + ANISOTROPY];
+#else
+  vec4 codes = u_codes[level * GROUPS + BRIGHTNESS];
+#endif
+  return quadAt(u_directional, quad, cell, codes, codes, vec4(0.0), empty);
+#endif
 }
 #endif
 

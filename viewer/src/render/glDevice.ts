@@ -2,7 +2,7 @@
 
 import type { Triple } from "../format/metadata.js";
 import { whenDone } from "./fence.js";
-import type { DeviceTexture, Format, TextureDevice, TextureShape } from "./textureDevice.js";
+import { type DeviceTexture, type Format, FORMAT_BYTES, type TextureDevice, type TextureShape } from "./textureDevice.js";
 
 const known = new WeakMap<WebGL2RenderingContext, GlDevice>();
 
@@ -15,6 +15,8 @@ export function glDevice(gl: WebGL2RenderingContext): TextureDevice {
 
 /** Of a format, those of storage and of what is written, and its type. */
 function names(gl: WebGL2RenderingContext, format: Format): [number, number, number] {
+  if (format === "r8unorm") return [gl.R8, gl.RED, gl.UNSIGNED_BYTE];
+  if (format === "rgba8unorm") return [gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE];
   if (format === "r32float") return [gl.R32F, gl.RED, gl.FLOAT];
   if (format === "r16float") return [gl.R16F, gl.RED, gl.HALF_FLOAT];
   if (format === "rgba16float") return [gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT];
@@ -23,10 +25,15 @@ function names(gl: WebGL2RenderingContext, format: Format): [number, number, num
   return [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE];
 }
 
-class GlDevice implements TextureDevice {
-  /** Fields are laid out by what WebGL can do. */
-  readonly filtersFloats = true;
+/** One texel of zeros. */
+function texelOf(format: Format): ArrayBufferView {
+  const bytes = new ArrayBuffer(FORMAT_BYTES[format]);
+  if (format.endsWith("32float")) return new Float32Array(bytes);
+  if (format.endsWith("16float")) return new Uint16Array(bytes);
+  return format === "r32uint" ? new Uint32Array(bytes) : new Uint8Array(bytes);
+}
 
+class GlDevice implements TextureDevice {
   constructor(private readonly gl: WebGL2RenderingContext) {}
 
   get isLost(): boolean {
@@ -67,10 +74,10 @@ class GlDevice implements TextureDevice {
 
   make(shape: TextureShape): DeviceTexture {
     const { gl } = this;
-    const [target, filter] = [shape.flat ? gl.TEXTURE_2D : gl.TEXTURE_3D, shape.filtered ? gl.LINEAR : gl.NEAREST];
+    const target = shape.flat ? gl.TEXTURE_2D : gl.TEXTURE_3D;
     const handle = gl.createTexture();
     gl.bindTexture(target, handle);
-    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(target, name, filter);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(target, name, gl.NEAREST);
     for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) gl.texParameteri(target, name, gl.CLAMP_TO_EDGE);
     const [storage] = names(gl, shape.format);
     const [x, y, z] = shape.size;
@@ -79,17 +86,16 @@ class GlDevice implements TextureDevice {
     const texture = { ...shape, handle };
     // Before the first texel is written, browsers clear all of it: a software renderer takes seconds for a large one, and
     // nothing waits for it yet.
-    if (shape.filtered) this.write(texture, [0, 0, 0], [1, 1, 1], shape.format === "r32float" ? new Float32Array(1) : new Uint16Array(4));
+    if (!shape.flat) this.write(texture, [0, 0, 0], [1, 1, 1], texelOf(shape.format));
     return texture;
   }
 
   write({ handle, format, flat }: DeviceTexture, [x, y, z]: Triple, [wide, high, deep]: Triple, values: ArrayBufferView): void {
     const { gl } = this;
-    const [, written, whole] = names(gl, format);
-    const type = values instanceof Float32Array ? gl.FLOAT : whole;
-    // Rows of an odd number of halves are the only ones that do not end at 4 bytes.
-    const alignment = format === "r16float" ? (gl.getParameter(gl.UNPACK_ALIGNMENT) as number) : null;
-    if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
+    const [, written, type] = names(gl, format);
+    // Rows that do not end at 4 bytes are those of few channels.
+    const alignment = FORMAT_BYTES[format] < 4 ? (gl.getParameter(gl.UNPACK_ALIGNMENT) as number) : null;
+    if (alignment !== null) gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     if (flat) {
       gl.bindTexture(gl.TEXTURE_2D, handle as WebGLTexture);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, wide, high, written, type, values);

@@ -1,13 +1,10 @@
 /** A field's textures in plain WebGPU. */
 
-import { toHalf } from "../format/codings/values.js";
 import type { Triple } from "../format/metadata.js";
-import type { DeviceTexture, TextureDevice, TextureShape } from "./textureDevice.js";
+import { type DeviceTexture, FORMAT_BYTES, type TextureDevice, type TextureShape } from "./textureDevice.js";
 
 /** What textures are for: `GPUTextureUsage`, of which TypeScript knows nothing. */
 const [BINDING, WRITTEN] = [4, 2];
-
-const TEXEL_BYTES = { r32float: 4, r16float: 2, rgba16float: 8, rgba32float: 16, r32uint: 4, rgba8uint: 4 } as const;
 
 const known = new WeakMap<GPUDevice, GpuDevice>();
 
@@ -19,12 +16,10 @@ export function gpuDevice(device: GPUDevice): TextureDevice {
 }
 
 class GpuDevice implements TextureDevice {
-  readonly filtersFloats: boolean;
   isLost = false;
   private readonly listeners = new Set<() => void>();
 
   constructor(private readonly device: GPUDevice) {
-    this.filtersFloats = device.features.has("float32-filterable");
     void device.lost.then(() => {
       this.isLost = true;
       for (const then of [...this.listeners]) then();
@@ -56,9 +51,8 @@ class GpuDevice implements TextureDevice {
   }
 
   write({ handle, format }: DeviceTexture, [x, y, z]: Triple, [width, height, depthOrArrayLayers]: Triple, values: ArrayBufferView): void {
-    const texels = format === "r16float" && values instanceof Float32Array ? Uint16Array.from(values, toHalf) : values;
-    const rows = { bytesPerRow: width * TEXEL_BYTES[format], rowsPerImage: height };
-    this.device.queue.writeTexture({ texture: handle as GPUTexture, origin: { x, y, z } }, texels as ArrayBufferView<ArrayBuffer>, rows, { width, height, depthOrArrayLayers });
+    const rows = { bytesPerRow: width * FORMAT_BYTES[format], rowsPerImage: height };
+    this.device.queue.writeTexture({ texture: handle as GPUTexture, origin: { x, y, z } }, values as ArrayBufferView<ArrayBuffer>, rows, { width, height, depthOrArrayLayers });
   }
 
   free({ handle, freed }: DeviceTexture): void {

@@ -167,31 +167,31 @@ void main() {
       float share = lambda - float(level);
       int count = share > 0.0 ? 2 : 1;
       bool fine = false, coarse = false;
-      vec3 fineTexel, coarseTexel;
+      Cell fineCell, coarseCell;
 #ifdef PARTIAL
       int fineLevel = level, coarseLevel = level + 1;
 #endif
       for (int i = 0; i < count; i++) {
-        vec3 texel;
+        Cell cell;
 #ifdef PARTIAL
         // What is not on the device is shown by the next coarser level that is.
         int shown = level + i;
         bool stored;
         for (; ; shown++) {
-          stored = locate(PART(shown), PLACE(PART(shown)), texel);
+          stored = locate(PART(shown), PLACE(PART(shown)), cell);
           if (!isAbsent || shown + 1 >= LEVELS) break;
         }
         if (i == 0) fineLevel = shown;
         else coarseLevel = shown;
 #else
-        bool stored = locate(PART(level + i), PLACE(PART(level + i)), texel);
+        bool stored = locate(PART(level + i), PLACE(PART(level + i)), cell);
 #endif
         if (i == 0) {
           fine = stored;
-          fineTexel = texel;
+          fineCell = cell;
         } else {
           coarse = stored;
-          coarseTexel = texel;
+          coarseCell = cell;
         }
       }
 #ifndef SHARED_DENSITY
@@ -202,20 +202,21 @@ void main() {
       for (int i = 0; i < count; i++) {
         int dense = SHOWN(i);
         bool stored = i == 0 ? fine : coarse;
-        vec3 texel = i == 0 ? fineTexel : coarseTexel;
+        Cell cell = fineCell;
+        if (i == 1) cell = coarseCell;
 #ifdef SHARED_DENSITY
         // A level without density has level 0's.
         if (u_levels[dense].y == 0) {
           if (i == 1 && (level == 0 || u_levels[level].y == 0)) break;
           dense = 0;
-          stored = locate(dense, position, texel);
+          stored = locate(dense, position, cell);
         }
 #endif
         seen = seen || stored;
 #ifdef ANISOTROPY
-        float density = stored ? densityAlong(dense, texel) : u_empty[dense].x;
+        float density = stored ? densityAlong(dense, cell) : u_empty[dense].x;
 #else
-        float density = stored ? densityAt(texel) : u_empty[dense].x;
+        float density = stored ? densityAt(dense, cell) : u_empty[dense].x;
 #endif
 #ifdef BLEND_AFTER
         density = opticalDepth(density, u_levels[dense].z);
@@ -244,9 +245,11 @@ void main() {
         for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(0.0);
         for (int i = 0; i < count; i++) {
           vec4 one[QUADS];
-          colorAt(SHOWN(i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel, one);
+          Cell cell = fineCell;
+          if (i == 1) cell = coarseCell;
+          colorAt(SHOWN(i), i == 0 ? fine : coarse, cell, one);
 #ifdef BRIGHTNESS
-          one[0].xyz += addedLogit(SHOWN(i), i == 0 ? fine : coarse, i == 0 ? fineTexel : coarseTexel);
+          one[0].xyz += addedLogit(SHOWN(i), i == 0 ? fine : coarse, cell);
 #endif
 #ifdef BLEND_AFTER
           activate(one);

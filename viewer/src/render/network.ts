@@ -1,9 +1,10 @@
 /** The view-dependent network as a shader, and its weights as uniforms, or as a texture where they are many. */
 
 import type { Layer } from "../format/network.js";
-import { type NetworkShape, networkOf, ownChannels } from "../format/metadata.js";
+import { type Metadata, type NetworkShape, networkOf, ownChannels } from "../format/metadata.js";
 import { boxesOf, isNested, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
+import { encodedKinds } from "../load/texels.js";
 import type { Language } from "./shader.js";
 
 /** Widest layer of a network that a fragment can hold. */
@@ -11,7 +12,7 @@ export const WIDEST_LAYER = 256;
 /** Texels along a row of the texture of weights: a power of two. */
 export const WEIGHTS_WIDTH = 1024;
 
-/** Uniforms of four numbers that the shader has besides weights: for each level or shell, for each of several boxes, and for all of them. */
+/** Uniforms of four numbers that the shader has besides weights: for each level or shell beside its encodings, for each of several boxes, and for all of them. */
 const [UNIFORMS_OF_PART, UNIFORMS_OF_BOX, OTHER_UNIFORMS] = [4, 4, 64];
 
 /** Uniforms of four numbers that WebGPU takes: 64 KiB. */
@@ -22,8 +23,12 @@ const GPU_UNIFORMS = 4096;
  * at the same time; texels of 32-bit floats are the dearest that there are.
  */
 export function weighsByUniforms({ metadata, plan, network }: Opened): boolean {
-  const others = UNIFORMS_OF_PART * partsOf(metadata).length + (isNested(metadata) ? UNIFORMS_OF_BOX * boxesOf(metadata).length : 0) + OTHER_UNIFORMS;
+  const others = uniformsOfPart(metadata) * partsOf(metadata).length + (isNested(metadata) ? UNIFORMS_OF_BOX * boxesOf(metadata).length : 0) + OTHER_UNIFORMS;
   return network.length > 0 && packedLength(network) + others <= Math.min(plan.uniforms, GPU_UNIFORMS);
+}
+
+function uniformsOfPart(metadata: Metadata): number {
+  return UNIFORMS_OF_PART + encodedKinds(metadata).length;
 }
 
 /** Quadruples of packed weights. */

@@ -133,13 +133,22 @@ vec3 limited(vec3 color) {
 #endif
 
 #ifdef ANISOTROPY
+#ifdef BRIGHTNESS
+// What was found beside anisotropy, of even and of odd levels.
+vec3 brightnessEven, brightnessOdd;
+#endif
+
 // A level's density along the ray.
-float densityAlong(int level, vec3 texel) {
-  float density = densityAt(texel);
-  if (u_levels[level].w == 0) return density;
-  vec4 low = directionalAt(0, texel);
-  float added = dot(low, vec4(harmonics[4], harmonics[5], harmonics[6], harmonics[7]));
-  return max(density + added + directionalAt(1, texel).x * harmonics[8], 0.0);
+float densityAlong(int level, Cell cell) {
+  float density = densityAt(level, cell);
+  if ((u_levels[level].w & 1) == 0) return density;
+  vec4 low = directionalAt(level, 0, cell, vec4(0.0));
+  vec4 high = directionalAt(level, 1, cell, vec4(0.0, vec3(u_empty[level].w)));
+#ifdef BRIGHTNESS
+  if ((LEVEL_OF(level) & 1) == 1) brightnessOdd = high.yzw;
+  else brightnessEven = high.yzw;
+#endif
+  return max(density + dot(low, vec4(harmonics[4], harmonics[5], harmonics[6], harmonics[7])) + high.x * harmonics[8], 0.0);
 }
 #endif
 
@@ -148,9 +157,17 @@ float densityAlong(int level, vec3 texel) {
 vec3 along;
 
 // What a level adds to its logits of diffuse colour along the ray.
-float addedLogit(int level, bool stored, vec3 texel) {
-  if (LEVEL_OF(level) < FINEST_DIRECTIONAL) return 0.0;
-  return dot(along, stored ? directionalAt(1, texel).yzw : vec3(u_empty[level].w));
+float addedLogit(int level, bool stored, Cell cell) {
+  int has = u_levels[level].w;
+  if ((has & 2) == 0) return 0.0;
+  vec4 empty = vec4(u_empty[level].w);
+  if (!stored) return dot(along, empty.xyz);
+#ifdef ANISOTROPY
+  if (has == 3) return dot(along, (LEVEL_OF(level) & 1) == 1 ? brightnessOdd : brightnessEven);
+  return dot(along, directionalAt(level, 1, cell, empty).yzw);
+#else
+  return dot(along, directionalAt(level, 0, cell, empty).xyz);
+#endif
 }
 #endif
 

@@ -1,11 +1,12 @@
 /** The shaders: what a field fixes of them at compile time. The march itself is `march.glsl`. */
 
 import type { Layer } from "../format/network.js";
-import { type Encoding, finestDirectional, harmonicsOf, hasLevels, type Metadata } from "../format/metadata.js";
+import { type Encoding, harmonicsOf, hasLevels, type Metadata, storedGroups } from "../format/metadata.js";
 import { boxesOf, isNested, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import type { Plan } from "../load/plan.js";
 import { BOXES_BESIDE, macroRoom } from "../load/skip.js";
+import { encodedKinds, isDirectional, texelOf } from "../load/texels.js";
 import field from "./field.glsl";
 import march from "./march.glsl";
 import nested from "./nested.glsl";
@@ -66,10 +67,13 @@ export type Language = "glsl" | "wgsl";
 const VECTORS = { glsl: { vec3: "vec3", ivec2: "ivec2", list: (count: number) => `vec3[${count}]` }, wgsl: { vec3: "vec3f", ivec2: "vec2i", list: (count: number) => `array<vec3f, ${count}>` } };
 
 /** What a field fixes at compile time. */
-export function defines(metadata: Metadata, { quads, isPartial }: Plan, network: Layer[], language: Language): Record<string, string | number> {
+export function defines(metadata: Metadata, { quads, directionalQuads, isPartial, texels }: Plan, network: Layer[], language: Language): Record<string, string | number> {
   const { vec3, ivec2, list } = VECTORS[language];
   const harmonics = harmonicsOf(metadata);
-  const directional = finestDirectional(metadata);
+  const kinds = encodedKinds(metadata);
+  const isThere = (kind: "directional" | "anisotropy") => directionalQuads > 0 && hasLevels(metadata, kind);
+  const coded = partsOf(metadata).flatMap((_, part) => storedGroups(metadata, part)).filter(({ kind }) => texelOf(texels, kind) === "codes");
+  const colors = coded.filter(({ kind }) => kind !== "DENS");
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
     LEVELS: metadata.levels.length,
@@ -92,9 +96,15 @@ export function defines(metadata: Metadata, { quads, isPartial }: Plan, network:
     ...set("NETWORK", network.length > 0),
     ...set("RELU", metadata.activation.function === "relu"),
     ...set("LINEAR", metadata.levels[0].diffuse.decode === "linear"),
-    ...(directional !== null && { FINEST_DIRECTIONAL: directional }),
-    ...set("BRIGHTNESS", hasLevels(metadata, "directional")),
-    ...set("ANISOTROPY", hasLevels(metadata, "anisotropy")),
+    GROUPS: kinds.length,
+    LAST_COLOR: kinds.filter((kind) => !isDirectional(kind)).length - 1,
+    ...set("BESIDE", texels.density === "beside"),
+    ...set("DENSITY_CURVES", coded.some(({ kind, encoding }) => kind === "DENS" && encoding.curve !== 0)),
+    ...set("CURVES", colors.some(({ encoding }) => encoding.curve !== 0)),
+    ...set("EMPTY_CODES", colors.some(({ encoding }) => encoding.empty_code)),
+    ...set("DIRECTIONAL", directionalQuads > 0),
+    ...(isThere("directional") && { BRIGHTNESS: kinds.indexOf("DIRB") }),
+    ...(isThere("anisotropy") && { ANISOTROPY: kinds.indexOf("ANIS") }),
     ...(harmonics && {
       FUNCTIONS: (harmonics.degree + 1) ** 2,
       OFFSET: floatText(harmonics.offset),

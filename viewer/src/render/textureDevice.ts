@@ -3,13 +3,13 @@
 import type { Triple } from "../format/metadata.js";
 
 /** Formats of texels, by their names in WebGPU. */
-export type Format = "r32float" | "r16float" | "rgba16float" | "rgba32float" | "r32uint" | "rgba8uint";
+export type Format = "r8unorm" | "r16float" | "r32float" | "rgba8unorm" | "rgba16float" | "rgba32float" | "r32uint" | "rgba8uint";
+
+export const FORMAT_BYTES: Readonly<Record<Format, number>> = { r8unorm: 1, r16float: 2, r32float: 4, rgba8unorm: 4, rgba16float: 8, rgba32float: 16, r32uint: 4, rgba8uint: 4 };
 
 export interface TextureShape {
   format: Format;
   size: Triple;
-  /** Whether hardware interpolates between texels. */
-  filtered: boolean;
   /** Whether it has two axes. */
   flat?: boolean;
 }
@@ -25,8 +25,6 @@ export interface DeviceTexture extends TextureShape {
 export interface TextureDevice {
   /** Whether the device is gone, with all that it held. */
   readonly isLost: boolean;
-  /** Whether hardware interpolates 32-bit floats. */
-  readonly filtersFloats: boolean;
   /** Runs allocations and writes, and leaves the device as frameworks know it. */
   keeping<T>(run: () => T): T;
   /** Runs the allocations of a field, and calls `full`, later, where the device has no room for them. */

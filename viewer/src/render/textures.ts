@@ -3,8 +3,9 @@
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import { levelOfPart, partsOf } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
-import { DIRECTIONAL_QUADS, type Plan } from "../load/plan.js";
+import type { Plan } from "../load/plan.js";
 import { BOXES_BESIDE, macroRoom, macroSides } from "../load/skip.js";
+import type { Texel } from "../load/texels.js";
 import { packWeights, weighsByUniforms, WEIGHTS_WIDTH } from "./network.js";
 import type { DeviceTexture, Format, TextureDevice } from "./textureDevice.js";
 
@@ -30,6 +31,10 @@ export function macroStart(metadata: Metadata, box: number): [number, number] {
   return [(box % BOXES_BESIDE) * y, Math.floor(box / BOXES_BESIDE) * z];
 }
 
+/** Formats of one channel, and of four. */
+const ONE: Readonly<Record<Texel, Format>> = { codes: "r8unorm", halves: "r16float", floats: "r32float" };
+const FOUR: Readonly<Record<Texel, Format>> = { codes: "rgba8unorm", halves: "rgba16float", floats: "rgba32float" };
+
 /** Makes the textures of a field: storage alone, but for what does not depend on levels. */
 export function allocate(device: TextureDevice, opened: Opened): Textures {
   const { metadata, plan, network, mask } = opened;
@@ -37,17 +42,18 @@ export function allocate(device: TextureDevice, opened: Opened): Textures {
   const counts = partsOf(metadata).flatMap((part, number) => (levelOfPart(metadata, number) < plan.finest ? [] : [blockCounts(part)]));
   const [, ny, nz] = [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis])));
   const depth = tableStarts(metadata, plan).pop()!;
-  const volume = (format: Format, size: Triple, filtered: boolean) => device.make({ format, size, filtered });
+  const volume = (format: Format, size: Triple) => device.make({ format, size });
+  const { texels } = plan;
   const made: Textures = {
-    u_density: volume(plan.floatLinear && device.filtersFloats ? "r32float" : "r16float", [x, y, z], true),
-    u_color: volume("rgba16float", [x, y, z * plan.quads], true),
-    u_table: volume("r32uint", [nz, ny, depth], false),
-    u_skipDistances: volume("rgba8uint", macroSides(metadata), false),
+    ...(texels.density !== "beside" && { u_density: volume(ONE[texels.density], [x, y, z]) }),
+    u_color: volume(FOUR[texels.color], [x, y, z * plan.quads]),
+    u_table: volume("r32uint", [nz, ny, depth]),
+    u_skipDistances: volume("rgba8uint", macroSides(metadata)),
   };
-  if (plan.directionalRows > 0) made.u_directional = volume("rgba16float", [x, plan.directionalRows * plan.slot, z * DIRECTIONAL_QUADS], true);
+  if (plan.directionalQuads > 0) made.u_directional = volume(FOUR[texels.directional], [x, plan.directionalRows * plan.slot, z * plan.directionalQuads]);
   if (mask) {
     const [x, y, z] = mask.nodes;
-    made.u_mask = volume("r32float", [z, y, x], false);
+    made.u_mask = volume(mask.values instanceof Uint8Array ? "r8unorm" : "r32float", [z, y, x]);
     device.write(made.u_mask, [0, 0, 0], [z, y, x], mask.values);
   }
   if (network.length > 0 && !weighsByUniforms(opened)) {
@@ -56,7 +62,7 @@ export function allocate(device: TextureDevice, opened: Opened): Textures {
     const texels = new Float32Array(rows * WEIGHTS_WIDTH * 4);
     texels.set(packed);
     const size: Triple = [WEIGHTS_WIDTH, rows, 1];
-    made.u_weights = device.make({ format: "rgba32float", size, filtered: false, flat: true });
+    made.u_weights = device.make({ format: "rgba32float", size, flat: true });
     device.write(made.u_weights, [0, 0, 0], size, texels);
   }
   return made;

@@ -1,12 +1,14 @@
 /** The shader's uniforms: what the field fixes, and what follows the camera. */
 
-import type { Encoding, Metadata } from "../format/metadata.js";
+import { type Encoding, type Metadata, storedGroups } from "../format/metadata.js";
 import { boxesOf, extentOf, isNested, outerBounds, partsOf } from "../format/parts.js";
 import { lastSample } from "../format/shells.js";
 import { interpolatedDensity } from "../load/interpolated.js";
 import type { Opened } from "../load/loader.js";
+import type { Plan } from "../load/plan.js";
 import type { Look } from "../load/residents.js";
 import { boxNodes, macroCounts, macroEdge } from "../load/skip.js";
+import { decoding, encodedKinds, texelOf } from "../load/texels.js";
 import { inverse, isParallel, lensOf, linearPart, type Matrix, product, unturned } from "./matrices.js";
 import { packWeights, weighsByUniforms } from "./network.js";
 import { decodeNumber, OUTPUT } from "./shader.js";
@@ -80,7 +82,8 @@ export function fieldUniforms(opened: Opened): Uniforms {
     u_slot: plan.slot,
     u_slotsDeep: plan.slots[2],
     u_nodes: parts.flatMap((level) => [...level.dimensions, level.block_size]),
-    u_levels: parts.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density"), level.anisotropy ? 1 : 0]),
+    u_levels: parts.flatMap((level, i) => [starts[i], level.density ? 1 : 0, decodeNumber(level.density?.decode ?? "raw_density"), (level.anisotropy ? 1 : 0) + (level.directional ? 2 : 0)]),
+    u_codes: parts.flatMap((_, part) => codesOf(metadata, plan, part)),
     u_empty: parts.flatMap(({ density, diffuse, features, directional }) => {
       const of = density ? interpolatedDensity(activation, density.decode)(density.empty) : 0;
       return [of, empty(diffuse), empty(features), empty(directional ?? null)];
@@ -109,6 +112,14 @@ export function fieldUniforms(opened: Opened): Uniforms {
     values.u_maskThreshold = mask.threshold;
   }
   return values;
+}
+
+/** What the texels of a part are decoded by, group by group. */
+function codesOf(metadata: Metadata, { texels }: Plan, part: number): number[] {
+  const groups = storedGroups(metadata, part);
+  return encodedKinds(metadata).flatMap((kind) => {
+    return decoding(texelOf(texels, kind), groups.find((group) => group.kind === kind)?.encoding ?? null);
+  });
 }
 
 /** Of boxes around each other, what does not follow the camera. */

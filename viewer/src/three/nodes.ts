@@ -1,6 +1,6 @@
 /** Fields in three.js's WebGPURenderer: a material of nodes around one function in WGSL. */
 
-import { type ArrayCamera, Data3DTexture, DataTexture, FloatType, HalfFloatType, LinearFilter, type Mesh, NearestFilter, type PerspectiveCamera, type RenderTarget, REVISION, RGBAFormat, RGBAIntegerFormat, type Texture, UnsignedIntType, Vector4 } from "three";
+import { type ArrayCamera, Data3DTexture, DataTexture, FloatType, type Mesh, NearestFilter, type PerspectiveCamera, type RenderTarget, REVISION, RGBAFormat, RGBAIntegerFormat, type Texture, UnsignedIntType, Vector4 } from "three";
 import { type Node, NodeMaterial, TSL, type NodeBuilder, type NodeFrame, type Renderer, type WebGPURenderer } from "three/webgpu";
 import { REMEDY } from "../errors.js";
 import type { DeviceTexture } from "../render/textureDevice.js";
@@ -18,16 +18,16 @@ const LIST = "mipvogUniforms";
 
 type Name = (typeof SAMPLERS)[number];
 
-/** What texels are as three.js names them: hardware interpolates the first kind, and not the others. */
-const KINDS = { filtered: { type: HalfFloatType, format: RGBAFormat, filter: LinearFilter }, plain: { type: FloatType, format: RGBAFormat, filter: NearestFilter }, whole: { type: UnsignedIntType, format: RGBAIntegerFormat, filter: NearestFilter } } as const;
-const KIND_OF: Record<Name, keyof typeof KINDS> = { u_density: "filtered", u_color: "filtered", u_directional: "filtered", u_table: "whole", u_skipDistances: "whole", u_weights: "plain", u_mask: "plain" };
+/** What texels are as three.js names them. */
+const KINDS = { plain: { type: FloatType, format: RGBAFormat }, whole: { type: UnsignedIntType, format: RGBAIntegerFormat } } as const;
+const KIND_OF: Record<Name, keyof typeof KINDS> = { u_density: "plain", u_color: "plain", u_directional: "plain", u_table: "whole", u_skipDistances: "whole", u_weights: "plain", u_mask: "plain" };
 
 /** A texture that a device has, or one of one texel. */
 function textureOf(name: Name, handle: GPUTexture | null): Texture {
-  const { type, format, filter } = KINDS[KIND_OF[name]];
-  const texel = handle ? null : { [HalfFloatType]: new Uint16Array(4), [FloatType]: new Float32Array(4), [UnsignedIntType]: new Uint32Array(4) }[type];
+  const { type, format } = KINDS[KIND_OF[name]];
+  const texel = handle ? null : { [FloatType]: new Float32Array(4), [UnsignedIntType]: new Uint32Array(4) }[type];
   const texture = name === "u_weights" ? new DataTexture(texel, 1, 1) : new Data3DTexture(texel, 1, 1, 1);
-  [texture.type, texture.format, texture.minFilter, texture.magFilter] = [type, format, filter, filter];
+  [texture.type, texture.format, texture.minFilter, texture.magFilter] = [type, format, NearestFilter, NearestFilter];
   // As three.js's ExternalTexture has it, which has two axes alone.
   if (handle) Object.assign(texture, { isExternalTexture: true, sourceTexture: handle });
   texture.needsUpdate = true;
@@ -79,7 +79,7 @@ class FieldNodes extends NodeMaterial {
       types.forEach(([name], i) => (textures[i].value = wrap(name, draw.textures[name]!)));
     });
     const accessors = TSL.wgsl(data.source(`${LIST}.value`));
-    const source = TSL.wgsl(`${wgslSource(opened, (texture) => `${texture}_sampler`)}\nvar<private> marched: Marched;`, [accessors]);
+    const source = TSL.wgsl(`${wgslSource(opened)}\nvar<private> marched: Marched;`, [accessors]);
     // Parameters that are not read, so that three.js declares what the source reads by name.
     const parameters = types.map(([name, type]) => `${name}_: ${type}`).join(", ");
     const march = TSL.wgslFn(`fn marchedColor(pixel: vec2f, first: vec4f, ${parameters}) -> vec4f { marched = marchRay(pixel); return marched.color; }`, [source]);

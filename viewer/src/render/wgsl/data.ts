@@ -6,7 +6,7 @@ type Type = "f32" | "i32" | "bool" | "vec2f" | "vec3f" | "vec4f" | "vec3i" | "ve
 
 /** Types by name; those with `[]` are of any number, and are read by it. */
 const TYPES: Record<string, Type | `${Type}[]`> = {
-  u_slot: "i32", u_slotsDeep: "i32", u_nodes: "vec4i[]", u_levels: "vec4i[]", u_empty: "vec4f[]", u_emptyBands: "vec3f[]", u_finest: "i32", u_fixedLevel: "f32",
+  u_slot: "i32", u_slotsDeep: "i32", u_nodes: "vec4i[]", u_levels: "vec4i[]", u_codes: "vec4f[]", u_empty: "vec4f[]", u_emptyBands: "vec3f[]", u_finest: "i32", u_fixedLevel: "f32",
   u_output: "i32", u_skips: "bool", u_halfPixel: "f32", u_viewport: "vec4f", u_lens: "vec4f", u_isParallel: "bool", u_origin: "vec3f", u_toBox: "mat3x3f",
   u_toLocal: "mat3x3f", u_toView: "mat3x3f", u_toClip: "mat4x4f", u_farEnd: "vec2f", u_depthOfT: "vec2f", u_farDepth: "f32", u_logarithm: "vec3f", u_linear: "bool",
   u_activation: "vec2f", u_range: "vec2f", u_thresholds: "vec2f", u_lowest: "vec3f", u_highest: "vec3f", u_step: "f32", u_perVoxel: "vec3f", u_interval: "f32",

@@ -54,27 +54,39 @@ fn opticalDepth(density: f32, decode: i32) -> f32 {
 #endif
 }
 
+// In the table: the block is stored, but has no slot.
+const ABSENT = 0xffffffffu;
 #ifdef PARTIAL
-// Whether the block that was located last is stored, but has no slot.
+// Whether that holds for a block of the cell that was located last.
 var<private> isAbsent: bool = false;
 #endif
 
-// The texel of a position in the slot of its cell's block; not stored where the level has none.
-struct Found { stored: bool, texel: vec3f }
+// The corners of the cell that a position lies in, as `field.glsl` says of `Cell`; not stored where the level has nothing.
+struct Found { stored: bool, lower: vec4u, upper: vec4u, lowerShares: vec4f, upperShares: vec4f }
+
+fn nothingFound() -> Found {
+  return Found(false, vec4u(0u), vec4u(0u), vec4f(0.0), vec4f(0.0));
+}
+
+// One more than the first texel of a block's slot; 0 where it is not stored.
+fn lookUp(level: i32, block: vec3i) -> u32 {
+  fetches++;
+  return textureLoad(u_table, vec3i(block.zy, block.x + u_levels(level).x), 0).r;
+}
 
 fn locate(level: i32, position: vec3f) -> Found {
   let nodes = u_nodes(level).xyz;
   let edge = u_nodes(level).w;
   let at = position * vec3f(nodes - 1);
+  let lowest = min(vec3i(at), nodes - 2);
   // Half a node above the lowest one no rounding moves the quotient past a whole number; processors divide whole numbers
   // one by one.
-  let block = vec3i((vec3f(min(vec3i(at), nodes - 2)) + 0.5) / f32(edge));
+  let block = vec3i((vec3f(lowest) + 0.5) / f32(edge));
   let isOdd = (levelOfPart(level) & 1) == 1;
   var place = select(placeEven, placeOdd, isOdd);
   let wanted = vec4i(block, level);
   if (any(select(lookedUpEven, lookedUpOdd, isOdd) != wanted)) {
-    place = textureLoad(u_table, vec3i(block.zy, block.x + u_levels(level).x), 0).r;
-    fetches++;
+    place = lookUp(level, block);
     if (isOdd) {
       lookedUpOdd = wanted;
       placeOdd = place;
@@ -84,48 +96,173 @@ fn locate(level: i32, position: vec3f) -> Found {
     }
   }
 #ifdef PARTIAL
-  isAbsent = place >> 31u == 1u;
+  isAbsent = place == ABSENT;
 #endif
-  let slot = vec3u(place, place >> 10u, place >> 20u) & vec3u(1023u);
-  let texel = vec3f(slot) * f32(u_slot()) + 0.5 + (at - vec3f(block * edge)).zyx;
   // A dense grid stores everything.
-  return Found(place != 0u || !u_skips(), texel);
+  if (place == 0u && u_skips()) { return nothingFound(); }
+  let low = lowest - block * edge;
+  // Along these axes, the cell has nodes of the next blocks.
+  let leaves = low == vec3i(edge - 1);
+  var lower = vec4u(place);
+  var upper = lower;
+  if (leaves.z) {
+    let other = lookUp(level, block + vec3i(0, 0, 1));
+    lower = vec4u(place, other, place, other);
+    upper = lower;
+  }
+  if (leaves.y) {
+    let other = lookUp(level, block + vec3i(0, 1, 0));
+    lower = vec4u(lower.xy, other, other);
+    if (leaves.z) { lower.w = lookUp(level, block + vec3i(0, 1, 1)); }
+    upper = lower;
+  }
+  if (leaves.x) {
+    upper = vec4u(lookUp(level, block + vec3i(1, 0, 0)));
+    if (leaves.z) {
+      let other = lookUp(level, block + vec3i(1, 0, 1));
+      upper = vec4u(upper.x, other, upper.x, other);
+    }
+    if (leaves.y) {
+      let other = lookUp(level, block + vec3i(1, 1, 0));
+      upper = vec4u(upper.xy, other, other);
+      if (leaves.z) { upper.w = lookUp(level, block + vec3i(1, 1, 1)); }
+    }
+  }
+#ifdef PARTIAL
+  isAbsent = any(lower == vec4u(ABSENT)) || any(upper == vec4u(ABSENT));
+#endif
+  let first = vec3u(low);
+  let last = select(first + 1u, vec3u(0u), leaves);
+  let within = (vec4u(first.y, first.y, last.y, last.y) << vec4u(11u)) + vec4u(first.z, last.z, first.z, last.z) - 1u;
+  let f = at - vec3f(lowest);
+  let g = 1.0 - f;
+  let shares = vec4f(g.y, g.y, f.y, f.y) * vec4f(g.z, f.z, g.z, f.z);
+  let none = vec4f(0.0);
+  let lowerShares = select(shares * g.x, none, lower == vec4u(0u));
+  let upperShares = select(shares * f.x, none, upper == vec4u(0u));
+  return Found(true, lower + within + (first.x << 22u), upper + within + (last.x << 22u), lowerShares, upperShares);
 }
 
-fn densityAt(texel: vec3f) -> f32 {
+fn placeOf(texel: u32) -> vec3u {
+  return vec3u(texel & 2047u, (texel >> 11u) & 2047u, texel >> 22u);
+}
+
+fn densityOf(texel: u32) -> f32 {
+#ifdef BESIDE
+  return textureLoad(u_color, placeOf(texel) + vec3u(0u, 0u, u32((QUADS - 1) * u_slotsDeep() * u_slot())), 0).a;
+#else
+  return textureLoad(u_density, placeOf(texel), 0).r;
+#endif
+}
+
+fn densitiesOf(texels: vec4u) -> vec4f {
+  return vec4f(densityOf(texels.x), densityOf(texels.y), densityOf(texels.z), densityOf(texels.w));
+}
+
+// What is interpolated counts as one fetch, of however many texels.
+fn densityAt(level: i32, found: Found) -> f32 {
   fetches++;
-  return textureSampleLevel(u_density, DENSITY_SAMPLER, texel / vec3f(textureDimensions(u_density)), 0.0).r;
+  let codes = u_codes(level * GROUPS);
+  var lower = densitiesOf(found.lower);
+  var upper = densitiesOf(found.upper);
+  let hasEmpty = vec4<bool>(codes.w < 0.0);
+  let none = vec4f(0.0);
+  let lowerShares = select(found.lowerShares, none, hasEmpty & (lower == none));
+  let upperShares = select(found.upperShares, none, hasEmpty & (upper == none));
+  lower -= abs(codes.w);
+  upper -= abs(codes.w);
+  let stored = dot(lowerShares + upperShares, vec4f(1.0));
+  let sum = dot(lowerShares, lower) + dot(upperShares, upper);
+  var density = codes.x * stored + codes.y * sum + (1.0 - stored) * u_empty(level).x;
+#ifdef DENSITY_CURVES
+  density += codes.z * (dot(lowerShares, lower * lower * lower) + dot(upperShares, upper * upper * upper));
+#endif
+  return density;
+}
+
+// Of four channels, sums over the corners: of shares of what is stored, of codes, and of their cubes.
+struct Sums { stored: vec4f, codes: vec4f, cubes: vec4f }
+
+fn add(atlas: texture_3d<f32>, texel: u32, behind: u32, share: f32, middle: vec4f, sums: ptr<function, Sums>) {
+  let code = textureLoad(atlas, placeOf(texel) + vec3u(0u, 0u, behind), 0);
+  let x = code - abs(middle);
+#ifdef EMPTY_CODES
+  let own = select(vec4f(share), vec4f(0.0), (code == vec4f(0.0)) & (middle < vec4f(0.0)));
+#else
+  let own = vec4f(share);
+#endif
+  (*sums).stored += own;
+  (*sums).codes += own * x;
+#ifdef CURVES
+  (*sums).cubes += own * x * x * x;
+#endif
+}
+
+// Four channels of an atlas, of two groups at most: those where `isLast` holds are of the second, the others of the first.
+fn quadAt(atlas: texture_3d<f32>, quad: i32, found: Found, first: vec4f, last: vec4f, isLast: vec4<bool>, empty: vec4f) -> vec4f {
+  fetches++;
+  let middle = select(first.wwww, last.wwww, isLast);
+  var sums = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0));
+  // Quadruples of all slots lie one behind the other.
+  let behind = u32(quad * u_slotsDeep() * u_slot());
+  add(atlas, found.lower.x, behind, found.lowerShares.x, middle, &sums);
+  add(atlas, found.lower.y, behind, found.lowerShares.y, middle, &sums);
+  add(atlas, found.lower.z, behind, found.lowerShares.z, middle, &sums);
+  add(atlas, found.lower.w, behind, found.lowerShares.w, middle, &sums);
+  add(atlas, found.upper.x, behind, found.upperShares.x, middle, &sums);
+  add(atlas, found.upper.y, behind, found.upperShares.y, middle, &sums);
+  add(atlas, found.upper.z, behind, found.upperShares.z, middle, &sums);
+  add(atlas, found.upper.w, behind, found.upperShares.w, middle, &sums);
+  var value = select(first.xxxx, last.xxxx, isLast) * sums.stored + select(first.yyyy, last.yyyy, isLast) * sums.codes;
+#ifdef CURVES
+  value += select(first.zzzz, last.zzzz, isLast) * sums.cubes;
+#endif
+  return value + (1.0 - sums.stored) * empty;
+}
+
+// The group of a channel of colour.
+fn groupOf(channel: i32) -> i32 {
+#ifdef FUNCTIONS
+  return select(select(select(4, 3, channel < 27), 2, channel < 12), 1, channel < 3);
+#else
+  return select(2, 1, channel < 3);
+#endif
+}
+
+// What a group of colour is where nothing is stored.
+fn emptyColor(level: i32, group: i32) -> f32 {
+#ifdef FUNCTIONS
+  if (group > 1) { return u_emptyBands(level)[group - 2]; }
+#endif
+  return select(u_empty(level).z, u_empty(level).y, group == 1);
 }
 
 fn colorAt(level: i32, found: Found, color: ptr<function, array<vec4f, QUADS>>) {
-  if (!found.stored) {
-#ifdef FUNCTIONS
-    let bands = u_emptyBands(level);
-    for (var channel = 3; channel < 4 * QUADS; channel++) {
-      (*color)[channel / 4][channel % 4] = select(select(bands.z, bands.y, channel < 27), bands.x, channel < 12);
-    }
-#else
-    for (var quad = 0; quad < QUADS; quad++) { (*color)[quad] = vec4f(u_empty(level).z); }
-#endif
-    (*color)[0] = vec4f(vec3f(u_empty(level).y), (*color)[0].w);
-    return;
-  }
-  let size = vec3f(textureDimensions(u_color));
   for (var quad = 0; quad < QUADS; quad++) {
-    fetches++;
-    // Quadruples of all slots lie one behind the other.
-    let place = found.texel + vec3f(0.0, 0.0, f32(quad * u_slotsDeep() * u_slot()));
-    (*color)[quad] = textureSampleLevel(u_color, COLOR_SAMPLER, place / size, 0.0);
+    // Channels behind the last are not used as colours.
+    let first = groupOf(4 * quad);
+    let last = min(groupOf(4 * quad + 3), LAST_COLOR);
+    let isLast = vec4i(first, groupOf(4 * quad + 1), groupOf(4 * quad + 2), last) == vec4i(last);
+    let empty = select(vec4f(emptyColor(level, first)), vec4f(emptyColor(level, last)), isLast);
+    (*color)[quad] = empty;
+    if (found.stored) { (*color)[quad] = quadAt(u_color, quad, found, u_codes(level * GROUPS + first), u_codes(level * GROUPS + last), isLast, empty); }
   }
 }
 
-#ifdef FINEST_DIRECTIONAL
-// Four values that depend on the direction, of a level from FINEST_DIRECTIONAL on: four of anisotropy; the fifth, and
-// directional brightness.
-fn directionalAt(quad: i32, texel: vec3f) -> vec4f {
-  fetches++;
-  let place = texel + vec3f(0.0, 0.0, f32(quad * u_slotsDeep() * u_slot()));
-  return textureSampleLevel(u_directional, DIRECTIONAL_SAMPLER, place / vec3f(textureDimensions(u_directional)), 0.0);
+#ifdef DIRECTIONAL
+// Four values that depend on the direction: see `field.glsl`.
+fn directionalAt(level: i32, quad: i32, found: Found, empty: vec4f) -> vec4f {
+#if defined(ANISOTROPY) && defined(BRIGHTNESS)
+  let isLast = vec4<bool>(false, quad == 1, quad == 1, quad == 1);
+  return quadAt(u_directional, quad, found, u_codes(level * GROUPS + ANISOTROPY), u_codes(level * GROUPS + BRIGHTNESS), isLast, empty);
+#else
+#ifdef ANISOTROPY
+  let codes = u_codes(level * GROUPS + ANISOTROPY);
+#else
+  let codes = u_codes(level * GROUPS + BRIGHTNESS);
+#endif
+  return quadAt(u_directional, quad, found, codes, codes, vec4<bool>(false), empty);
+#endif
 }
 #endif
 

@@ -192,7 +192,7 @@ fn marchRay(pixel: vec2f) -> Marched {
       let level = i32(lambda);
       let share = lambda - f32(level);
       let count = select(1, 2, share > 0.0);
-      var fine = Found(false, vec3f(0.0));
+      var fine = nothingFound();
       var coarse = fine;
       // What is shown of the finer and the coarser level.
       var fineLevel = level;
@@ -244,9 +244,9 @@ fn marchRay(pixel: vec2f) -> Marched {
         seen = seen || found.stored;
         var density = u_empty(dense).x;
 #ifdef ANISOTROPY
-        if (found.stored) { density = densityAlong(dense, found.texel); }
+        if (found.stored) { density = densityAlong(dense, found); }
 #else
-        if (found.stored) { density = densityAt(found.texel); }
+        if (found.stored) { density = densityAt(dense, found); }
 #endif
 #ifdef BLEND_AFTER
         density = opticalDepth(density, u_levels(dense).z);

@@ -122,12 +122,26 @@ fn limited(color: vec3f) -> vec3f {
 #endif
 
 #ifdef ANISOTROPY
+#ifdef BRIGHTNESS
+// What was found beside anisotropy, of even and of odd levels.
+var<private> brightnessEven: vec3f;
+var<private> brightnessOdd: vec3f;
+#endif
+
 // A level's density along the ray.
-fn densityAlong(level: i32, texel: vec3f) -> f32 {
-  let density = densityAt(texel);
-  if (u_levels(level).w == 0) { return density; }
-  let added = dot(directionalAt(0, texel), vec4f(harmonics[4], harmonics[5], harmonics[6], harmonics[7]));
-  return max(density + added + directionalAt(1, texel).x * harmonics[8], 0.0);
+fn densityAlong(level: i32, found: Found) -> f32 {
+  let density = densityAt(level, found);
+  if ((u_levels(level).w & 1) == 0) { return density; }
+  let low = directionalAt(level, 0, found, vec4f(0.0));
+  let high = directionalAt(level, 1, found, vec4f(0.0, vec3f(u_empty(level).w)));
+#ifdef BRIGHTNESS
+  if ((levelOfPart(level) & 1) == 1) {
+    brightnessOdd = high.yzw;
+  } else {
+    brightnessEven = high.yzw;
+  }
+#endif
+  return max(density + dot(low, vec4f(harmonics[4], harmonics[5], harmonics[6], harmonics[7])) + high.x * harmonics[8], 0.0);
 }
 #endif
 
@@ -137,9 +151,16 @@ var<private> along: vec3f;
 
 // What a level adds to its logits of diffuse colour along the ray.
 fn addedLogit(level: i32, found: Found) -> f32 {
-  if (levelOfPart(level) < FINEST_DIRECTIONAL) { return 0.0; }
-  if (!found.stored) { return dot(along, vec3f(u_empty(level).w)); }
-  return dot(along, directionalAt(1, found.texel).yzw);
+  let has = u_levels(level).w;
+  if ((has & 2) == 0) { return 0.0; }
+  let empty = vec4f(u_empty(level).w);
+  if (!found.stored) { return dot(along, empty.xyz); }
+#ifdef ANISOTROPY
+  if (has == 3) { return dot(along, select(brightnessEven, brightnessOdd, (levelOfPart(level) & 1) == 1)); }
+  return dot(along, directionalAt(level, 1, found, empty).yzw);
+#else
+  return dot(along, directionalAt(level, 0, found, empty).xyz);
+#endif
 }
 #endif
 

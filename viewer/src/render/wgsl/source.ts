@@ -15,24 +15,22 @@ import rays from "./rays.wgsl";
 /** The function `cornerInClip`, which needs uniforms alone. */
 export const CORNER: string = corner;
 
-/** The function `marchRay` with all that it needs but uniforms and textures; frameworks name samplers in their own ways. */
-export function wgslSource(opened: Opened, samplerOf: (texture: string) => string): string {
+/** The function `marchRay` with all that it needs but uniforms and textures. */
+export function wgslSource(opened: Opened): string {
   const { metadata, plan, network } = opened;
-  const samplers = { DENSITY_SAMPLER: samplerOf("u_density"), COLOR_SAMPLER: samplerOf("u_color"), DIRECTIONAL_SAMPLER: samplerOf("u_directional") };
-  const defined = { ...defines(metadata, plan, network, "wgsl"), ...samplers };
   const parts = [field, networkSource(opened, "wgsl"), ...(isNested(metadata) ? [nested] : []), rays, march];
-  return applyConditions(parts.join("\n"), defined);
+  return applyConditions(parts.join("\n"), defines(metadata, plan, network, "wgsl"));
 }
 
 /** Types of the textures that a field has, by name. */
 export function textureTypes(opened: Opened): Partial<Record<(typeof SAMPLERS)[number], string>> {
   const { plan, network, mask } = opened;
   return {
-    u_density: "texture_3d<f32>",
+    ...(plan.texels.density !== "beside" && { u_density: "texture_3d<f32>" }),
     u_color: "texture_3d<f32>",
     u_table: "texture_3d<u32>",
     u_skipDistances: "texture_3d<u32>",
-    ...(plan.directionalRows > 0 && { u_directional: "texture_3d<f32>" }),
+    ...(plan.directionalQuads > 0 && { u_directional: "texture_3d<f32>" }),
     ...(mask && { u_mask: "texture_3d<f32>" }),
     ...(network.length > 0 && !weighsByUniforms(opened) && { u_weights: "texture_2d<f32>" }),
   };
