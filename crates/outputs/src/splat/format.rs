@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::files::{FileKind, Origin};
 use super::optimize::{Fit, STEPS, Target, visible};
 use super::place::{self, BoxPoints};
-use super::project::GaussianSplat;
+use super::project::{FAINT, GaussianSplat, OPACITY};
 use super::shown::ShownSplats;
 use super::spz;
 use super::targets::targets;
@@ -16,13 +16,12 @@ use crate::base::limits::Limits;
 use crate::base::progress::{Progress, Step};
 use crate::export_files::{ExportFiles, WrittenFiles};
 use crate::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
+use crate::model::activate::lanes;
 
 /// Splats at most, where the user does not say.
 const SPLATS: usize = 100_000;
 /// The largest share of a pixel's light that a splat without use has.
 const UNSEEN: f32 = 0.02;
-/// The same of a splat that was fitted.
-const USELESS: f32 = 1.0 / 255.0;
 
 /// Gaussian splats, in the kind of file that the output's name says.
 #[derive(Debug)]
@@ -138,7 +137,7 @@ fn fit(
     let mut fit = Fit::new(placed, source.field.view().background);
     progress.begin(Step::Fit, STEPS as u64);
     fit.run(targets, progress)?;
-    // Those that the fit has made useless go.
-    let kept = visible(&fit.splats, targets, usize::MAX, USELESS)?;
-    Ok(kept.into_iter().map(|number| fit.splats[number]).collect())
+    // Those that are too faint to be drawn go.
+    fit.splats.retain(|splat| lanes::sigmoid(splat[OPACITY]) > FAINT);
+    Ok(fit.splats)
 }

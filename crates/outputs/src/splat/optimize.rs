@@ -206,8 +206,7 @@ pub(super) fn visible(
     least: f32,
 ) -> Result<Vec<usize>> {
     let mut weights = vec![0.0f32; splats.len()];
-    // Every other one: the next ones show the same splats from nearby.
-    for target in targets.iter().step_by(2) {
+    for target in targets {
         draw(splats, &target.camera, Rules::TRAINING)?.weights(&mut weights)?;
     }
     let mut order: Vec<usize> =

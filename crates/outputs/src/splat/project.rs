@@ -25,7 +25,7 @@ const WIDENED: f32 = 0.3;
 /// Nearer splats are not drawn, in world units.
 const NEAREST: f64 = 1e-3;
 /// Opacity below which a splat is not drawn at a pixel.
-const FAINT: f32 = 1.0 / 255.0;
+pub(super) const FAINT: f32 = 1.0 / 255.0;
 /// Directions count up to this many times the picture's half, so that splats far beside it do not
 /// become huge.
 const BESIDE: f64 = 1.3;
