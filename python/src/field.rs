@@ -88,15 +88,14 @@ impl NativeField {
     }
 }
 
+/// Matrices of cameras, and the slopes of their pictures' edges.
+type Lenses = (Vec<[f64; 16]>, Vec<[f64; 4]>);
+
 /// Matrices from cameras to the world, row by row, and the slopes of the left, right, lower and upper
 /// edges of their pictures: of the text of a camera file, or of one at a path.
 #[pyfunction]
 #[pyo3(signature = (text, path))]
-pub fn frusta(
-    py: Python<'_>,
-    text: Option<&str>,
-    path: Option<PathBuf>,
-) -> PyResult<(Vec<[f64; 16]>, Vec<[f64; 4]>)> {
+pub fn frusta(py: Python<'_>, text: Option<&str>, path: Option<PathBuf>) -> PyResult<Lenses> {
     let read = || {
         let cameras = match path {
             Some(path) => camera::read(&path, None, &Limits::default())?,
