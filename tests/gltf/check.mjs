@@ -5,9 +5,11 @@
 // first thing that is wrong.
 
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { readFile } from "node:fs/promises";
 import { basename, dirname, resolve } from "node:path";
 import { NodeIO } from "@gltf-transform/core";
+import { LoadingManager } from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import validator from "gltf-validator";
 
@@ -35,9 +37,16 @@ function document(bytes) {
   return JSON.parse(bytes.toString("utf8", 20, 20 + bytes.readUInt32LE(12)));
 }
 
-async function readWithThree(bytes, isGlb) {
+async function readWithThree(bytes, isGlb, folder) {
   const data = isGlb ? new Uint8Array(bytes).buffer : bytes.toString("utf8");
-  const { scene } = await new GLTFLoader().parseAsync(data, "");
+  // Node fetches no files, but data.
+  const manager = new LoadingManager();
+  manager.setURLModifier((url) =>
+    /^(data|blob):/.test(url)
+      ? url
+      : `data:application/octet-stream;base64,${readFileSync(resolve(folder, url), "base64")}`,
+  );
+  const { scene } = await new GLTFLoader(manager).parseAsync(data, "");
   let triangles = 0;
   scene.updateMatrixWorld(true);
   scene.traverse((object) => {
@@ -75,7 +84,7 @@ for (const path of process.argv.slice(2)) {
   assert.equal(meshes, json.meshes?.length ?? 0);
   await validate(`again.${name}`, await io.writeBinary(read), folder);
 
-  const triangles = await readWithThree(bytes, isGlb);
+  const triangles = await readWithThree(bytes, isGlb, folder);
   assert.equal(triangles + coarserTriangles(json), report.info.totalTriangleCount);
   console.log(`${name}: ${fields.length} fields, ${meshes} meshes, ${triangles} triangles`);
 }
