@@ -153,6 +153,10 @@ class BakeOptions(TypedDict, total=False):
     """Memory limit, such as 500MB or 2GiB; a low limit is slower and gives the same output
     [default: unlimited]"""
 
+    merge: Optional[PathName]
+    """Add the scene of this file, at its place in the world; may be given several times. The grid
+    of INPUT goes on as far as the other scenes reach."""
+
     min_weight: Optional[Words]
     """Drop voxels that add less than this to every pixel of --cameras, above 0 to 1; other
     viewpoints may miss parts [default: keep all]"""
@@ -206,6 +210,10 @@ class BakeOptions(TypedDict, total=False):
     threads: Optional[int]
     """Number of threads, 0 to 256; 0 means one per processor."""
 
+    thumbnail: Optional[int]
+    """Put a square picture of the scene into the container, so many pixels wide, for file managers
+    and asset libraries; inspect --thumbnail takes it out."""
+
     turntable: Optional[int]
     """N cameras on a circle around the box; instead of a camera file."""
 
@@ -217,6 +225,6 @@ class BakeOptions(TypedDict, total=False):
 
 
 # Options that name files to read.
-INPUTS = ("camera_transform", "cameras", "coarse", "fit_cameras", "mlp", "photographs")
+INPUTS = ("camera_transform", "cameras", "coarse", "fit_cameras", "merge", "mlp", "photographs")
 # Options that name files to write.
 OUTPUTS = ("depfile", "gltf")

@@ -8,6 +8,7 @@ use clap::Args;
 use serde_json::Value;
 
 use super::output::{create as create_output, refuse_stdout};
+use super::thumbnail::ThumbnailArguments;
 use crate::bake::{BakeOptions, BakeReport, Origin, is_current, level_reports, shell_reports};
 use crate::base::bytes::{Output, SourceFile};
 use crate::base::error::Result;
@@ -82,6 +83,7 @@ impl IncrementalArguments {
         field: &RadianceField,
         options: &BakeOptions,
         origin: &Origin,
+        thumbnail: ThumbnailArguments,
         limits: &Limits,
     ) -> Result<Option<BakeReport>> {
         if !self.replaces(output) {
@@ -92,7 +94,8 @@ impl IncrementalArguments {
         let Ok(container) = Container::open(Arc::clone(&file), limits) else {
             return Ok(None);
         };
-        let current = is_current(&container, field, options, origin)?;
+        let current =
+            thumbnail.is_in(&container) && is_current(&container, field, options, origin)?;
         let provenance = container.provenance()?;
         let options = provenance.map_or(Value::Null, |of| of["options"].clone());
         let (metadata, entries) = (container.metadata(), container.entries());

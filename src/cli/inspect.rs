@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::slice;
 use std::sync::Arc;
 
 use clap::Args;
@@ -10,14 +11,17 @@ use serde_json::Value;
 
 use super::common::Common;
 use super::container_report::{ContainerReport, container_text};
+use super::field::wrong_kind;
 use super::files::for_each_file;
 use super::guess::input_path;
+use super::inputs::refuse_inputs;
 use super::layout::{Table, columns, folded};
 use super::outcome::{Outcome, assumed, counted, readable};
+use super::output::create;
 use super::shell;
 use super::stdin;
-use crate::base::bytes::SourceFile;
-use crate::base::error::Result;
+use crate::base::bytes::{ByteSink, SourceFile};
+use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::container::{Container, is_container};
 use mipvog_inputs::Inspection;
@@ -35,6 +39,12 @@ pub struct Arguments {
     /// Containers, glTF assets, or anything that can be baked; - means standard input
     #[arg(required = true, value_name = "FILE", value_parser = input_path())]
     files: Vec<PathBuf>,
+    /// Write the thumbnail of the file, a container with one, to this PNG
+    #[arg(long, value_name = "OUT.png")]
+    thumbnail: Option<PathBuf>,
+    /// Overwrite the thumbnail's file if it exists
+    #[arg(long, requires = "thumbnail")]
+    force: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -62,7 +72,31 @@ struct FieldReport {
 /// Inspects the files. Several ones are listed in one report, and those that fail are named.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let (limits, verbose) = (common.limits(), common.verbose);
+    if let Some(output) = &arguments.thumbnail {
+        write_thumbnail(&arguments.files, output, arguments.force, &limits)?;
+    }
     for_each_file("inspect", &arguments.files, |path| inspect(path, verbose, &limits))
+}
+
+/// Writes the thumbnail of a container.
+fn write_thumbnail(files: &[PathBuf], output: &Path, force: bool, limits: &Limits) -> Result<()> {
+    let [input] = files else {
+        return Err(Error::usage("--thumbnail takes the picture of one file: name one"));
+    };
+    refuse_inputs([output], slice::from_ref(input))?;
+    let file = Arc::new(SourceFile::open(&stdin::resolve(input)?)?);
+    if !is_container(&file) {
+        return Err(wrong_kind(input, "a .mipvog container, to take its thumbnail"));
+    }
+    let prefix = Container::read_prefix(file, limits)?;
+    let png = prefix.container().thumbnail()?.ok_or_else(|| {
+        let advice = "put one in: transcode --thumbnail 256";
+        let (found, expected) = ("no thumbnail", "chunk thmb");
+        Error::malformed(Place::File, found, expected).in_file(input).advise(advice)
+    })?;
+    let mut output = create(output, force)?;
+    output.append(&png)?;
+    output.finish()
 }
 
 fn inspect(shown: &Path, verbose: bool, limits: &Limits) -> Result<Outcome> {

@@ -56,6 +56,7 @@ mod stdin;
 mod stored;
 mod sweep;
 mod sweep_command;
+mod thumbnail;
 mod transcode;
 mod unpack;
 mod validate;

@@ -12,9 +12,11 @@ use super::outcome::Outcome;
 use super::output::{create_container, digest};
 use super::placement::PlacementArguments;
 use super::progress::Bar;
+use super::thumbnail::ThumbnailArguments;
 use super::values::{by_name, parse_box};
 use super::view_report::ViewReport;
 use crate::bake::{Changes, MaxErrors, repack};
+use crate::base::bytes::ByteSink;
 use crate::base::error::Result;
 use crate::base::text::parse_bytes;
 use crate::model::grid::Bounds;
@@ -47,6 +49,8 @@ pub struct Arguments {
     /// Remove floaters: connected parts with fewer visible voxels than this
     #[arg(long, value_name = "VOXELS")]
     drop_islands: Option<u64>,
+    #[command(flatten)]
+    thumbnail: ThumbnailArguments,
     #[command(flatten)]
     which: FieldArguments,
     #[command(flatten)]
@@ -105,7 +109,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bar = Bar::new(common);
     let unpacked = Unpacked::of_container(&container)?;
     let report = repack(&unpacked, &changes, &limits, &mut output, &bar);
-    let report = report.map_err(|error| error.in_file(&arguments.file))?;
+    let mut report = report.map_err(|error| error.in_file(&arguments.file))?;
+    let thumbnail = arguments.thumbnail;
+    output = thumbnail.add(output, &arguments.output, arguments.force, &limits, &bar)?;
+    report.output_bytes = ByteSink::length(&output);
     drop(bar);
     let sha256 = Some(digest(output.written())?);
     output.finish()?;

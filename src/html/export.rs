@@ -13,9 +13,8 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 use crate::base::progress::{Progress, Step};
 use crate::container::Container;
-use crate::picture;
-use crate::view::overview;
-use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
+use crate::view::overview_png;
+use crate::view::render::Renderer;
 use mipvog_outputs::export_files::{ExportFiles, WrittenFiles};
 use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
 
@@ -93,7 +92,7 @@ impl ExportFormat for Html {
             progress.begin(Step::Write, 1);
             files.add(output, whole(&name, bytes).as_bytes())?;
         } else {
-            let poster = poster(&source.field, progress)?;
+            let poster = overview_png(&source.field, POSTER_SIZE, progress)?;
             progress.begin(Step::Write, 1);
             let page = linking(&name, POSTER, POSTER_SIZE);
             let texts = [
@@ -138,15 +137,4 @@ impl ExportFormat for Html {
         own.background = view.background;
         Ok(Box::new(field))
     }
-}
-
-/// A picture of the whole scene.
-fn poster(field: &Renderer, progress: &dyn Progress) -> Result<Vec<u8>> {
-    let camera = overview(field, POSTER_SIZE, progress)?;
-    let options = FrameOptions { levels: LevelChoice::Auto, supersample: 2 };
-    let frame = render(field, &camera, &options, progress)?;
-    let byte = |value: &f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-    let pixels: Vec<u8> = frame.color.as_flattened().iter().map(byte).collect();
-    let [width, height] = POSTER_SIZE;
-    picture::png(width, height, &pixels)
 }

@@ -28,6 +28,7 @@ mod incremental;
 mod manifest;
 #[cfg(unix)]
 mod manual;
+mod merge;
 mod models;
 mod probe;
 mod reading;

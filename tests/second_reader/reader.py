@@ -309,7 +309,8 @@ def arrange(chunks, required):
     parts = meta["levels"] + meta.get("shells", [])
     for part in order(meta):
         wanted += [("TABL", part)] + [(kind, part) for kind, *_ in atlases_of(meta, parts[part])]
-    known = [chunk for chunk in chunks if chunk[0] in KNOWN]
+    known = [chunk for chunk in chunks if chunk[0] in KNOWN and chunk[0] != "thmb"]
+    thumbnail([chunk for chunk in chunks if chunk[0] == "thmb"])
     found = [chunk[:2] for chunk in known]
     need(found == wanted, f"chunks {found}, but the metadata asks for {wanted}")
     alone = all(level["density"] is not None for level in parts)
@@ -318,6 +319,15 @@ def arrange(chunks, required):
         right = 0 if level == NO_LEVEL else ends[level] if alone else chunks[-1][4]
         need(prefix == right, f"prefix of {kind} {level} is {prefix}, not {right}")
     return meta, {chunk[:2]: chunk[2] for chunk in known}
+
+
+def thumbnail(chunks):
+    """Refuses thumbnails that are no PNG file of 1 to 1024 pixels along each side, or more than one."""
+    for kind, level, png, *_ in chunks:
+        need(level == NO_LEVEL and len(chunks) == 1, f"{kind} of a level, or more than once")
+        need(png[:16] == b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" and len(png) >= 24, "thmb is no PNG file")
+        sides = struct.unpack(">II", png[16:24])
+        need(all(1 <= side <= 1024 for side in sides), f"thmb of {sides} pixels")
 
 
 def order(meta):

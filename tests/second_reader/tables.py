@@ -20,6 +20,7 @@ CHUNKS = (
     "VMLP",
     "MASK",
     "prov",
+    "thmb",
     "TABL",
 )
 # Groups of values in the order of their atlases: chunk type, name, key and item of the encoding, channels, decodes.

@@ -1,9 +1,11 @@
 //! A container, unpacked or not, baked again.
 
+use super::super::common::Common;
 use super::super::progress::Bar;
 use super::super::values::Background;
 use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
+use super::merge::with_others;
 use super::report::Baked;
 use crate::bake::{BakeOptions, Changes, Origin, bake, repack};
 use crate::base::bytes::Output;
@@ -19,6 +21,7 @@ pub fn bake_again(
     options: &BakeOptions,
     output: &mut Output,
     bar: &Bar,
+    common: &Common,
 ) -> Result<Baked> {
     let stored = &arguments.stored;
     let metadata = &unpacked.metadata;
@@ -39,14 +42,15 @@ pub fn bake_again(
         ..Changes::default()
     };
     // A setting that the container has already is no change.
-    let anew = (asked(stored.has("filter")) && options.filter.name() != metadata.filter)
+    let anew = !arguments.merge.is_empty()
+        || (asked(stored.has("filter")) && options.filter.name() != metadata.filter)
         || (asked(stored.has("alpha-threshold"))
             && options.alpha_threshold != metadata.alpha_threshold)
         || (asked(stored.has("block-size"))
             && metadata.levels.iter().any(|level| level.block_size != options.block_size));
     refuse_ignored(arguments, options, anew)?;
     changes.check(&metadata.march)?;
-    let inputs = vec![arguments.input.clone()];
+    let mut inputs = vec![arguments.input.clone()];
     let view = ViewReport::of(metadata.view.as_ref());
     if anew {
         options.check()?;
@@ -54,7 +58,15 @@ pub fn bake_again(
             Error::malformed(Place::File, "no densities of level 0", "some, to filter again")
         })?;
         changes.apply_to_scene(&mut field.scene);
-        let origin = Origin::of_unpacked(unpacked);
+        let mut origin = Origin::of_unpacked(unpacked);
+        if let Some(merged) = with_others(&field, arguments, options, common)? {
+            field = merged.field;
+            for file in merged.files {
+                origin.side_files.push((file.role, file.digest));
+                inputs.push(file.path);
+            }
+            inputs.extend(merged.settings);
+        }
         let report = bake(&field, options, &origin, output, bar)?;
         let resolved = options.to_json();
         return Ok(Baked {

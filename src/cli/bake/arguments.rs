@@ -1,6 +1,6 @@
 //! The arguments of `bake`, and the kinds of input.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{ArgGroup, Args};
@@ -16,12 +16,14 @@ use super::super::manifest::{ExplicitOptions, ManifestArguments};
 use super::super::scene::SceneArguments;
 use super::super::stdin;
 use super::super::stored::StoredArguments;
+use super::super::thumbnail::ThumbnailArguments;
 use super::super::values::by_name;
 use super::super::view_report::ColorFit;
 use crate::bake::{BakeOptions, Preset};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
+use crate::container::Container;
 use crate::unpacked::Unpacked;
 use mipvog_inputs::tensor::{self, TensorFile};
 
@@ -62,9 +64,15 @@ pub struct Arguments {
     /// Overwrite the output if it exists
     #[arg(long)]
     pub force: bool,
+    /// Add the scene of this file, at its place in the world; may be given several times. The grid of
+    /// INPUT goes on as far as the other scenes reach
+    #[arg(long, value_name = "FILE", conflicts_with = "manifest")]
+    pub merge: Vec<PathBuf>,
     /// Set of options; explicit options override it
     #[arg(long, value_parser = by_name::<Preset>())]
     pub preset: Option<Preset>,
+    #[command(flatten)]
+    pub thumbnail: ThumbnailArguments,
     #[command(flatten)]
     pub which: FieldArguments,
     #[command(flatten, next_help_heading = "Size and error")]
@@ -108,6 +116,27 @@ pub struct Input {
 }
 
 impl Input {
+    /// A container, or else the tensors of a file.
+    fn of(
+        container: Option<Container>,
+        tensors: impl FnOnce() -> Result<TensorFile>,
+        limits: &Limits,
+    ) -> Result<Self> {
+        if let Some(container) = container {
+            let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
+            let file = container.file();
+            let container_bytes = [file.length(), file.bytes_read()];
+            return Ok(Self { content, container_bytes, file: None });
+        }
+        let tensors = tensors()?;
+        let file = Some(Arc::clone(&tensors.file));
+        let content = match tensors.unpacked_metadata() {
+            Some(_) => Content::Stored(Box::new(mipvog_inputs::unpacked::open(&tensors, limits)?)),
+            None => Content::Trained(tensors),
+        };
+        Ok(Self { content, container_bytes: [0; 2], file })
+    }
+
     /// Its bytes.
     pub fn length(&self) -> u64 {
         self.container_bytes[0] + self.file.as_ref().map_or(0, |file| file.length())
@@ -148,31 +177,19 @@ impl Arguments {
 
     /// Opens the input, by its content.
     pub fn open(&self, limits: &Limits) -> Result<Input> {
-        let container = match &self.held {
-            Some(held) => self.which.container_of(Arc::clone(held), limits)?,
-            None => {
-                self.which.check(&[&self.input])?;
-                self.which.container(&self.input, limits)?
-            }
+        let Some(held) = &self.held else {
+            self.which.check(&[&self.input])?;
+            return self.open_file(&self.input, limits);
         };
-        if let Some(container) = container {
-            let content = Content::Stored(Box::new(Unpacked::of_container(&container)?));
-            let file = container.file();
-            let container_bytes = [file.length(), file.bytes_read()];
-            return Ok(Input { content, container_bytes, file: None });
-        }
-        let tensors = match &self.held {
-            Some(held) => tensor::open_file(held, limits)?,
-            None => tensor::open(&stdin::resolve(&self.input)?, limits)?,
-        };
-        let file = Some(Arc::clone(&tensors.file));
-        let content = match tensors.unpacked_metadata() {
-            Some(_) => Content::Stored(Box::new(mipvog_inputs::unpacked::open(&tensors, limits)?)),
-            None => Content::Trained(tensors),
-        };
-        Ok(Input { content, container_bytes: [0; 2], file })
+        let container = self.which.container_of(Arc::clone(held), limits)?;
+        Input::of(container, || tensor::open_file(held, limits), limits)
     }
 
+    /// Opens a file as an input, by its content.
+    pub fn open_file(&self, path: &Path, limits: &Limits) -> Result<Input> {
+        let container = self.which.container(path, limits)?;
+        Input::of(container, || tensor::open(&stdin::resolve(path)?, limits), limits)
+    }
     /// The options that all arguments but the cameras of [`BakeOptions::seen_from`] give. The
     /// settings of a container stay, unless an option or a preset says otherwise.
     pub fn options(&self, content: &Content, common: &Common) -> Result<BakeOptions> {

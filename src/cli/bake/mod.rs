@@ -1,9 +1,10 @@
 //! `bake`: arguments ([`arguments`]), trained inputs ([`trained`]), containers ([`again`]), and the
-//! report ([`report`]), which `transcode` shares.
+//! report ([`report`]), which `transcode` shares. [`merge`] adds other scenes to the input.
 
 mod again;
 mod arguments;
 mod forecast;
+mod merge;
 mod report;
 mod run;
 mod trained;

@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::super::common::Common;
 use super::super::fit::warn_of_idle_levels;
 use super::super::incremental::depfile_rule;
+use super::super::inputs::refuse_inputs;
 use super::super::layout::{folded, message_columns};
 use super::super::outcome::{Outcome, denied, say, warn};
 use super::super::output::{create_container, digest};
@@ -64,6 +65,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let rest = "the mesh of --gltf is made of the whole container";
         warn(&format!("--memory applies to the bake only: {rest}"), common);
     }
+    refuse_inputs([&*arguments.output], &arguments.merge)?;
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = create_container(&arguments.output, replace)?;
     let replaces_asset = arguments.force || (replace && arguments.gltf.is_own());
@@ -71,12 +73,19 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut depfile = arguments.incremental.create_depfile(&arguments.output, arguments.force)?;
     let bar = Bar::new(common);
     let baked = match &input.content {
-        Content::Stored(unpacked) => bake_again(arguments, unpacked, &options, &mut output, &bar),
+        Content::Stored(unpacked) => {
+            bake_again(arguments, unpacked, &options, &mut output, &bar, common)
+        }
         Content::Trained(file) => {
             bake_trained(arguments, file, &options, &mut output, &bar, common)
         }
     };
     let mut baked = baked.map_err(|error| error.in_file(&arguments.input))?;
+    if !baked.report.unchanged {
+        let thumbnail = arguments.thumbnail;
+        output = thumbnail.add(output, &arguments.output, replace, &limits, &bar)?;
+        baked.report.output_bytes = output.length();
+    }
     drop(bar);
     if let Content::Stored(_) = &input.content {
         // Packing again costs little, so the bytes themselves tell whether anything has changed.

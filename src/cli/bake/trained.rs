@@ -16,6 +16,7 @@ use super::super::progress::Bar;
 use super::super::scene::FoundSettings;
 use super::super::view_report::ViewReport;
 use super::arguments::Arguments;
+use super::merge::with_others;
 use super::report::Baked;
 use crate::bake::{BakeOptions, StageReport, bake};
 use crate::base::bytes::{Output, SourceFile};
@@ -84,6 +85,7 @@ pub fn bake_trained(
         &source.field,
         options,
         &origin,
+        arguments.thumbnail,
         limits,
     )?;
     let judges = cameras.as_deref().unwrap_or_default();
@@ -155,10 +157,17 @@ pub fn open(
 ) -> Result<(Source, FoundSettings)> {
     let cameras = arguments.gate.camera_file();
     let limits = &options.limits;
-    let settings = arguments.scene.settings(&arguments.input, cameras.as_ref(), limits)?;
-    let source = mipvog_inputs::open_tensors(file, &settings.options, limits)?;
+    let mut settings = arguments.scene.settings(&arguments.input, cameras.as_ref(), limits)?;
+    let mut source = mipvog_inputs::open_tensors(file, &settings.options, limits)?;
     for assumption in &source.assumptions {
         warn(&assumed(&assumption.message), common);
+    }
+    if let Some(merged) = with_others(&source.field, arguments, options, common)? {
+        // The rules of the first model's own program are not those of the others.
+        (source.field, source.model) = (merged.field, None);
+        source.has_checksums &= merged.have_checksums;
+        source.side_files.extend(merged.files);
+        settings.files.extend(merged.settings);
     }
     Ok((source, settings))
 }

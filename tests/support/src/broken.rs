@@ -127,6 +127,13 @@ fn containers(sound: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
         ("network", with_chunk(&parts, b"VMLP", None, |bytes| bytes.truncate(bytes.len() - 4))),
         ("free-space", with_chunk(&parts, b"MASK", None, |bytes| bytes[0] = 9)),
         ("provenance", with_chunk(&parts, b"prov", None, |bytes| bytes.push(b' '))),
+        ("thumbnail", {
+            let bytes = b"GIF89a".to_vec();
+            let picture = Chunk { kind: *b"thmb", level: None, bytes };
+            chunks::container(
+                &[&parts[..=provenance], &[picture], &parts[provenance + 1..]].concat(),
+            )
+        }),
         ("table", with_chunk(&parts, b"TABL", Some(0), |bytes| bytes.push(0))),
         ("atlas", with_chunk(&parts, b"DENS", Some(0), |bytes| bytes.truncate(bytes.len() - 1))),
     ]

@@ -10,7 +10,7 @@ export const MAJOR = 1;
 export const FEATURES = ["inherited_blocks", "linear_values", "bent_rule", "directional", "anisotropy", "nested_boxes"] as const;
 export type Feature = (typeof FEATURES)[number];
 /** Every chunk type. */
-export const KNOWN: readonly string[] = ["META", "VMLP", "MASK", "prov", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS"];
+export const KNOWN: readonly string[] = ["META", "VMLP", "MASK", "prov", "thmb", "TABL", "DENS", "DIFF", "FEAT", "BNDA", "BNDB", "BNDC", "DIRB", "ANIS"];
 /** Groups of values, in the order of their atlases: the encoding is a level's `key`, of a list the `item` of it. */
 export const GROUPS = [
   { name: "density", kind: "DENS", key: "density", channels: 1, color: false },

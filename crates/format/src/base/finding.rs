@@ -138,6 +138,10 @@ codes! {
     Provenance = "provenance", Error,
         at "chunk",
         do "bake again; report the bug to whoever wrote the file";
+    /// The thumbnail is no PNG file, or larger than 1024 pixels along a side.
+    Thumbnail = "thumbnail", Error,
+        at "chunk",
+        do "bake again with another --thumbnail; report the bug to whoever wrote the file";
     /// A level's table of blocks does not decode, or does not match the metadata.
     Table = "table", Error,
         at "chunk",

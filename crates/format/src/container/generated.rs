@@ -37,10 +37,12 @@ pub const VMLP: ChunkKind = *b"VMLP";
 pub const MASK: ChunkKind = *b"MASK";
 /// Provenance, canonical JSON; ancillary.
 pub const PROVENANCE: ChunkKind = *b"prov";
+/// A small picture of the scene, PNG; ancillary.
+pub const THUMBNAIL: ChunkKind = *b"thmb";
 /// Occupancy of a level's blocks.
 pub const TABLE: ChunkKind = *b"TABL";
 /// Every chunk type but those of atlases.
-pub const CHUNKS: [ChunkKind; 5] = [META, VMLP, MASK, PROVENANCE, TABLE];
+pub const CHUNKS: [ChunkKind; 6] = [META, VMLP, MASK, PROVENANCE, THUMBNAIL, TABLE];
 /// Atlases of a level, in the order of [`crate::model::baked::Group::ALL`].
 pub const ATLASES: [ChunkKind; GROUPS] =
     [*b"DENS", *b"DIFF", *b"FEAT", *b"BNDA", *b"BNDB", *b"BNDC", *b"DIRB", *b"ANIS"];

@@ -6,7 +6,7 @@ use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
 pub use super::generated::{
     ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, FEATURES_SINCE,
     INHERITED_BLOCKS, KNOWN_FEATURE_BITS, KNOWN_FEATURES, LINEAR_VALUES, MASK, META, NESTED_BOXES,
-    PROVENANCE, TABLE, VERSION, VMLP,
+    PROVENANCE, TABLE, THUMBNAIL, VERSION, VMLP,
 };
 
 /// First bytes of every container. Like PNG's: a byte with its high bit set, the name, both line

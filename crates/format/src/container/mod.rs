@@ -5,6 +5,7 @@
 //! header (64 bytes), directory (64 bytes an entry), chunks, each at a multiple of 64
 //!   META  metadata, canonical JSON          VMLP  the view network
 //!   MASK  free-space mask, where it shows   prov  provenance, canonical JSON
+//!   thmb  a small picture, PNG
 //!   then for each level, coarse to fine:
 //!   TABL  occupancy of blocks     DENS, DIFF, FEAT  atlases, cut into compressed runs of frames
 //! ```
@@ -27,6 +28,7 @@ mod read;
 mod rules;
 mod runs;
 mod table;
+mod thumbnail;
 mod write;
 
 pub use layout::content_checksum;
@@ -34,4 +36,5 @@ pub use metadata_rules::{LARGEST_BLOCK, check_metadata, is_around};
 pub use open::{Container, is_container, starts_container};
 pub use prefix::Prefix;
 pub use runs::{CompressedRun, EncodedAtlas, RUN_BYTES, frames_per_run};
-pub use write::{EncodedLevel, Head, OtherChunk, content_checksum_of, write};
+pub use thumbnail::{LARGEST_THUMBNAIL, thumbnail_size};
+pub use write::{EncodedLevel, Head, OtherChunk, content_checksum_of, with_thumbnail, write};

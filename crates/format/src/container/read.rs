@@ -2,7 +2,8 @@
 
 use super::Container;
 use super::json::from_canonical;
-use super::layout::{ATLASES, ChunkKind, Entry, MASK, PROVENANCE, TABLE, VMLP};
+use super::layout::{ATLASES, ChunkKind, Entry, MASK, PROVENANCE, TABLE, THUMBNAIL, VMLP};
+use super::thumbnail::thumbnail_size;
 use super::write::OtherChunk;
 use super::{mask, network, rules, runs, table};
 use crate::base::bytes::ByteReader;
@@ -163,6 +164,9 @@ impl Container {
                     (PROVENANCE, _) => {
                         let read = from_canonical::<serde_json::Value>(bytes, &place);
                         checked(read, Code::Provenance, report)?;
+                    }
+                    (THUMBNAIL, _) => {
+                        checked(thumbnail_size(bytes, &place), Code::Thumbnail, report)?;
                     }
                     _ => {}
                 }

@@ -5,7 +5,7 @@
 use super::layout::{
     ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
     HEADER_BYTES, Header, INHERITED_BLOCKS, KNOWN_FEATURE_BITS, KNOWN_FEATURES, LINEAR_VALUES,
-    MASK, META, NESTED_BOXES, PROVENANCE, TABLE, VERSION, VMLP,
+    MASK, META, NESTED_BOXES, PROVENANCE, TABLE, THUMBNAIL, VERSION, VMLP,
 };
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
@@ -161,7 +161,7 @@ pub fn contents(
     let parts = metadata.parts().count();
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
-            PROVENANCE => entry.level.is_none(),
+            PROVENANCE | THUMBNAIL => entry.level.is_none(),
             _ => entry.level.is_none_or(|level| (level as usize) < parts),
         };
         if entry.is_critical() { !is_known(entry.kind) } else { fits }

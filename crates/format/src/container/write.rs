@@ -3,13 +3,15 @@
 use super::json::to_canonical;
 use super::layout::{
     ALIGNMENT, ATLASES, ChunkKind, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MASK, META,
-    PROVENANCE, TABLE, VMLP, content_checksum,
+    PROVENANCE, TABLE, THUMBNAIL, VMLP, content_checksum,
 };
 use super::metadata_rules::check_metadata;
+use super::open::Container;
 use super::rules::{level_prefix, required_features};
 use super::runs::EncodedAtlas;
+use super::thumbnail::thumbnail_size;
 use super::{mask, network, table};
-use crate::base::bytes::ByteSink;
+use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::model::baked::{GROUPS, Group, Metadata, Table};
@@ -64,13 +66,19 @@ struct Chunk<'a> {
 enum Content<'a> {
     Bytes(Vec<u8>),
     Atlas(&'a EncodedAtlas),
+    /// A chunk of this file, as it is.
+    Copied(&'a SourceFile, &'a Entry),
 }
+
+/// Bytes of a chunk that are copied at once.
+const COPIED: u64 = 1 << 20;
 
 impl Content<'_> {
     fn length_and_checksum(&self) -> Result<(u64, u32)> {
         match self {
             Self::Bytes(bytes) => Ok((bytes.len() as u64, crc32fast::hash(bytes))),
             Self::Atlas(atlas) => atlas.length_and_checksum(),
+            Self::Copied(_, entry) => Ok((entry.length, entry.checksum)),
         }
     }
 
@@ -78,6 +86,15 @@ impl Content<'_> {
         match self {
             Self::Bytes(bytes) => take(bytes),
             Self::Atlas(atlas) => atlas.for_each_piece(take),
+            Self::Copied(file, entry) => {
+                let mut done = 0;
+                while done < entry.length {
+                    let count = (entry.length - done).min(COPIED);
+                    take(&file.read(entry.offset + done, count, COPIED)?)?;
+                    done += count;
+                }
+                Ok(())
+            }
         }
     }
 }
@@ -89,11 +106,42 @@ pub fn write(
     output: &mut dyn ByteSink,
 ) -> Result<Vec<Entry>> {
     check(head)?;
-    let chunks = chunks(head, levels)?;
-    let (entries, length) = directory(&chunks, head.metadata)?;
-    let features = required_features(head.metadata);
+    write_chunks(&chunks(head, levels)?, head.metadata, output)
+}
+
+/// Writes a container again, with this thumbnail in place of its own. All other chunks are copied.
+///
+/// # Errors
+/// Those of reading and writing, and a thumbnail that [`thumbnail_size`] refuses.
+pub fn with_thumbnail(
+    container: &Container,
+    png: Vec<u8>,
+    output: &mut dyn ByteSink,
+) -> Result<Vec<Entry>> {
+    thumbnail_size(&png, &Place::Chunk { kind: THUMBNAIL, level: None })?;
+    let others = container.entries().iter().filter(|entry| entry.kind != THUMBNAIL);
+    let mut chunks: Vec<Chunk> = others
+        .map(|entry| Chunk {
+            kind: entry.kind,
+            level: entry.level,
+            content: Content::Copied(container.file(), entry),
+        })
+        .collect();
+    // Before the levels: whoever wants the picture alone reads the start of the file.
+    let at = chunks.iter().position(|chunk| chunk.level.is_some()).unwrap_or(chunks.len());
+    chunks.insert(at, Chunk { kind: THUMBNAIL, level: None, content: Content::Bytes(png) });
+    write_chunks(&chunks, container.metadata(), output)
+}
+
+fn write_chunks(
+    chunks: &[Chunk],
+    metadata: &Metadata,
+    output: &mut dyn ByteSink,
+) -> Result<Vec<Entry>> {
+    let (entries, length) = directory(chunks, metadata)?;
+    let features = required_features(metadata);
     output.append(&Header::with_directory(features, length, &entries)?)?;
-    for chunk in &chunks {
+    for chunk in chunks {
         chunk.content.for_each_piece(|piece| output.append(piece))?;
         output.pad(ALIGNMENT)?;
     }

@@ -76,6 +76,12 @@ impl Changes {
         Error::require_option(far > near, option, found, &expected)
     }
 
+    /// True if pictures of the whole scene show something else afterwards, by more than errors.
+    pub(super) fn changes_the_scene(&self) -> bool {
+        let cuts = self.crop.is_some() || self.drop_islands.is_some() || self.without_outermost > 0;
+        cuts || !self.placement.is_identity() || self.background.is_some()
+    }
+
     /// Bits that were asked for, where no error or size is.
     pub(super) fn fixed_bits(&self) -> Option<Bits> {
         self.bits.filter(|_| self.max_error.is_none() && self.max_bytes.is_none())

@@ -29,6 +29,7 @@ use crate::base::bytes::{ByteSink, WriterSink};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
+use crate::container::layout::THUMBNAIL;
 use crate::container::{self, EncodedLevel, Head, OtherChunk};
 use crate::model::baked::{Encoding, Group, Metadata, Table};
 use crate::model::grid::NodeMask;
@@ -139,6 +140,10 @@ fn edited(
     }
     edit::drop_finest(&mut edited, changes.without_finest)?;
     edit::place(&mut edited, &changes.placement, progress)?;
+    if changes.changes_the_scene() {
+        // It shows what was there.
+        edited.others.retain(|chunk| chunk.kind != THUMBNAIL);
+    }
     Ok((edited, islands))
 }
 

@@ -8,4 +8,6 @@ pub mod render;
 pub mod sample;
 
 pub use lattice::Lattice;
+#[cfg(feature = "pictures")]
+pub use overview::overview_png;
 pub use overview::{INSIDE_ANGLE, overview, panorama, standpoints};

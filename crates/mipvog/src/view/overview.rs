@@ -9,6 +9,8 @@
 
 use glam::DVec3;
 
+#[cfg(feature = "pictures")]
+use super::render::LevelChoice;
 use super::render::{Frame, FrameOptions, Renderer, render};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
@@ -58,6 +60,24 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
     let whole = Camera::looking_at(middle, back, radius / libm::sin(half_angle), name(), lens);
     // Nothing is opaque: the box is all there is to look at.
     Ok(if points.is_empty() { whole } else { closest(&whole, &points) })
+}
+
+/// A PNG of `size` pixels that [`overview`] sees, four rays a pixel, over the background.
+///
+/// # Errors
+/// As [`overview`].
+#[cfg(feature = "pictures")]
+pub fn overview_png(
+    field: &Renderer,
+    size: [usize; 2],
+    progress: &dyn Progress,
+) -> Result<Vec<u8>> {
+    let camera = overview(field, size, progress)?;
+    let options = FrameOptions { levels: LevelChoice::Auto, supersample: 2 };
+    let frame = render(field, &camera, &options, progress)?;
+    let byte = |value: &f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let pixels: Vec<u8> = frame.color.as_flattened().iter().map(byte).collect();
+    crate::picture::png(size[0], size[1], &pixels)
 }
 
 /// The camera of a world.

@@ -3,6 +3,7 @@
 
 mod builder;
 mod grid;
+mod merge;
 mod planes;
 mod radiance_field;
 mod shell;
