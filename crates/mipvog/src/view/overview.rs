@@ -10,8 +10,8 @@
 use glam::DVec3;
 
 #[cfg(feature = "pictures")]
-use super::render::LevelChoice;
-use super::render::{Frame, FrameOptions, Renderer, render};
+use super::render::{FrameOptions, LevelChoice, render};
+use super::render::{Frame, Renderer, render_depths};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::model::camera::{Camera, Lens, Orbit, Ray, direction, sphere};
@@ -50,7 +50,7 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
     let bounds = &field.view().bounds;
     let mut points = Vec::new();
     for camera in orbit.circle(bounds, LOOKS, [SIDE; 2]) {
-        let frame = render(field, &camera, &FrameOptions::default(), progress)?;
+        let frame = render_depths(field, &camera, progress)?;
         surface(&camera, &frame, field.view().march.far, &mut points);
     }
     let back = direction(AROUND, UP);

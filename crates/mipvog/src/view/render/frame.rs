@@ -109,12 +109,32 @@ pub fn render(
     options: &FrameOptions,
     progress: &dyn Progress,
 ) -> Result<Frame> {
+    render_by(field, field.view(), camera, options, progress)
+}
+
+/// The same picture without the colours of nodes, which take most of the time.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_depths(field: &Renderer, camera: &Camera, progress: &dyn Progress) -> Result<Frame> {
+    let mut view = field.view().clone();
+    // No weight is above it.
+    view.march.color_threshold = 1.0;
+    render_by(field, &view, camera, &FrameOptions::default(), progress)
+}
+
+fn render_by(
+    field: &Renderer,
+    view: &View,
+    camera: &Camera,
+    options: &FrameOptions,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     camera.check()?;
     if progress.cancelled() {
         return Err(Error::cancelled());
     }
     let fine = Camera { lens: camera.lens.supersampled(options.supersample), ..camera.clone() };
-    let view = field.view();
     view.check()?;
     let frame = match field.content() {
         Content::Values(lanes) => {

@@ -26,7 +26,7 @@ mod trained;
 pub use crate::view::sample::View;
 pub use color_rule::ColorRule;
 pub use coverage::{CameraCoverage, camera_coverage};
-pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, tiles};
+pub use frame::{Frame, FrameOptions, LevelChoice, Statistics, render, render_depths, tiles};
 pub use path::Path;
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
