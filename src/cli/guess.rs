@@ -12,6 +12,7 @@ use super::shell;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::container::is_container;
+use mipvog_inputs::tensor::extensions;
 use mipvog_outputs::gltf::asset::is_asset;
 
 /// The scene in a folder of DirectVoxGO's or Mip-VoG's training.
@@ -25,23 +26,8 @@ const CAMERAS: [&str; 6] = [
     "sparse/0/images.bin",
     "sparse/0/images.txt",
 ];
-/// Extensions of files that verbs read.
-const INPUTS: [&str; 14] = [
-    "ckpt",
-    "glb",
-    "ingp",
-    "mipvog",
-    "msgpack",
-    "npz",
-    "nvdb",
-    "ply",
-    "pt",
-    "pth",
-    "safetensors",
-    "tar",
-    "th",
-    "vdb",
-];
+/// Extensions of files that verbs read, beside those of trained models.
+const OWN_INPUTS: [&str; 2] = ["glb", "mipvog"];
 /// Files of a folder that a message names, at most.
 const NAMED: usize = 3;
 
@@ -71,7 +57,7 @@ fn inner(path: PathBuf, names: &[&str], is_whole: bool) -> PathBuf {
 pub fn of_folder(folder: &Path) -> String {
     let is_read = |path: &PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
-        extension.is_some_and(|extension| INPUTS.contains(&extension) || extension == "json")
+        extension.is_some_and(|own| OWN_INPUTS.into_iter().chain(extensions()).any(|of| of == own))
     };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut found: Vec<PathBuf> =
@@ -105,7 +91,10 @@ pub fn mistaken(
         _ => None,
     };
     match error.kind() {
-        Mistake::InvalidSubcommand => a_file_alone(&text(ContextKind::InvalidSubcommand)?),
+        Mistake::InvalidSubcommand => {
+            let word = text(ContextKind::InvalidSubcommand)?;
+            a_file_alone(&word).or_else(|| an_option_alone(&word, program))
+        }
         Mistake::UnknownArgument => {
             let word = text(ContextKind::InvalidArg)?;
             let (at, verb) = verb_of(words, program)?;
@@ -158,6 +147,22 @@ fn a_file_alone(word: &str) -> Option<Mistaken> {
     Some(Mistaken { message, help })
 }
 
+/// `mipvog-bake merge a.mipvog b.mipvog`.
+fn an_option_alone(word: &str, program: &clap::Command) -> Option<Mistaken> {
+    let others = verbs_with(word, program);
+    (!others.is_empty()).then(|| Mistaken {
+        message: format!("{word} is not a verb"),
+        help: format!("--{word} is an option of {}", others.join(", ")),
+    })
+}
+
+/// The verbs that have an option of this name.
+fn verbs_with<'a>(name: &str, program: &'a clap::Command) -> Vec<&'a str> {
+    let has =
+        |other: &&clap::Command| other.get_arguments().any(|own| own.get_long() == Some(name));
+    program.get_subcommands().filter(has).map(clap::Command::get_name).collect()
+}
+
 /// `mipvog-bake bake in.tar out.mipvog`, or without an output at all.
 fn no_output(words: &[OsString]) -> Option<Mistaken> {
     let is_path = |word: &&OsString| !word.to_string_lossy().starts_with('-');
@@ -190,10 +195,7 @@ fn an_option_of_others(
     (at, words): (usize, &[OsString]),
     program: &clap::Command,
 ) -> Option<Mistaken> {
-    let has =
-        |other: &&clap::Command| other.get_arguments().any(|own| own.get_long() == Some(name));
-    let others: Vec<&str> =
-        program.get_subcommands().filter(has).map(clap::Command::get_name).collect();
+    let others = verbs_with(name, program);
     if others.is_empty() {
         return None;
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::base::bytes::{self, Output, SourceFile, hex, remove_stale, sha256};
 use crate::base::error::{Error, Place, Result};
+use mipvog_inputs::tensor::extensions;
 
 /// The name of the standard input or output.
 pub const STANDARD_STREAM: &str = "-";
@@ -88,31 +89,9 @@ pub fn create(path: &Path, force: bool) -> Result<Output> {
     Output::create(path, force)
 }
 
-/// Extensions of files that are no containers.
-const OTHER_KINDS: [&str; 22] = [
-    "ckpt",
-    "exr",
-    "gif",
-    "glb",
-    "gltf",
-    "html",
-    "jpeg",
-    "jpg",
-    "json",
-    "mp4",
-    "npy",
-    "npz",
-    "nvdb",
-    "ply",
-    "png",
-    "pt",
-    "pth",
-    "safetensors",
-    "tar",
-    "vdb",
-    "webp",
-    "zip",
-];
+/// Extensions of files that are no containers, beside those of trained models.
+const OTHER_KINDS: [&str; 12] =
+    ["exr", "gif", "glb", "gltf", "html", "jpeg", "jpg", "mp4", "npy", "png", "webp", "zip"];
 
 /// Starts writing a container.
 ///
@@ -129,7 +108,7 @@ pub fn create_container(path: &Path, force: bool) -> Result<Output> {
 /// `Usage`.
 pub fn check_container_name(path: &Path) -> Result<()> {
     let extension = path.extension().and_then(|extension| extension.to_str());
-    match extension.filter(|extension| OTHER_KINDS.contains(extension)) {
+    match extension.filter(|own| OTHER_KINDS.into_iter().chain(extensions()).any(|of| of == *own)) {
         Some(extension) => {
             let shown = path.display();
             let message =

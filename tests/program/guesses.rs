@@ -54,6 +54,8 @@ fn a_file_alone_names_the_verb() {
     teaches(here, &["a.mipvog"], 2, &["a.mipvog is a file, not a verb", view]);
     teaches(here, &["in.tar"], 2, &["mipvog-bake bake in.tar -o in.mipvog bakes it"]);
     teaches(here, &["lego"], 2, &["mipvog-bake bake lego -o lego.mipvog bakes it"]);
+    let options = "--translate is an option of transcode";
+    teaches(here, &["translate", "a.mipvog"], 2, &["translate is not a verb", options]);
     teaches(here, &["frobnicate"], 2, &["unrecognized subcommand 'frobnicate'"]);
 }
 

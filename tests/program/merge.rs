@@ -96,8 +96,8 @@ fn scenes_that_do_not_fit_are_refused_by_name() {
     refused(here, &line(world.to_str().expect("UTF-8")), 4, "nested boxes");
     report(here, &["transcode", "a.mipvog", "-o", "far.mipvog", "--translate", "9000,0,0"]);
     refused(here, &line("far.mipvog"), 6, "nodes of the merged field");
-    let line = ["bake", "a.mipvog", "--merge", "in.tar", "-o", "in.tar", "--force"];
-    refused(here, &line, 7, "in.tar");
+    let line = ["bake", "a.mipvog", "--merge", "far.mipvog", "-o", "far.mipvog", "--force"];
+    refused(here, &line, 7, "--force does not replace an input");
     assert!(!here.join("x.mipvog").exists());
 }
 

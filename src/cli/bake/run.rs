@@ -65,9 +65,9 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let rest = "the mesh of --gltf is made of the whole container";
         warn(&format!("--memory applies to the bake only: {rest}"), common);
     }
-    refuse_inputs([&*arguments.output], &arguments.merge)?;
     let replace = arguments.force || arguments.incremental.replaces(&arguments.output);
     let mut output = create_container(&arguments.output, replace)?;
+    refuse_inputs([&*arguments.output], &arguments.merge)?;
     let replaces_asset = arguments.force || (replace && arguments.gltf.is_own());
     let mut asset = arguments.gltf.create(&arguments.output, replaces_asset)?;
     let mut depfile = arguments.incremental.create_depfile(&arguments.output, arguments.force)?;

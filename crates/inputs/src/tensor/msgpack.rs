@@ -19,7 +19,7 @@ use super::value::{Value, joined_name};
 use super::zip::Data;
 use crate::base::bytes::{SourceFile, Storage};
 use crate::base::error::{Error, ErrorKind, Place, Result};
-use crate::base::file_kind::is_document;
+use crate::base::file_kind::{is_document, start};
 use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::model::grid::Element;
 
@@ -60,11 +60,8 @@ pub(super) fn packing(start: &[u8]) -> Option<Packing> {
 }
 
 /// Opens a document.
-pub(super) fn open(
-    file: &Arc<SourceFile>,
-    packing: Packing,
-    limits: &Limits,
-) -> Result<TensorFile> {
+pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
+    let packing = packing(&start(file)?).unwrap_or(Packing::Plain);
     let from = Positioned { file: Arc::clone(file), at: 0 };
     let plain = match packing {
         Packing::Plain => Arc::clone(file),

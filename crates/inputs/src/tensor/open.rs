@@ -4,14 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::TensorFile;
-use super::kind::{describe, is_splats, is_voxels};
-use super::zip::Archive;
-use super::{msgpack, npz, nvdb, parameters, ply, safetensors, torch, vdb};
+use super::kind::describe;
+use super::ply::is_splats;
+use super::syntaxes::{expected, syntax_of};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
-use crate::base::file_kind::{
-    VDB_MAGIC, is_safetensors, is_zip, no_download, old_checkpoint, start,
-};
+use crate::base::file_kind::{no_download, old_checkpoint, start};
 use crate::base::limits::Limits;
 
 /// Opens a file of tensors, whatever its name.
@@ -34,33 +32,10 @@ pub fn open_file(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> 
 
 fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
     let start = start(file)?;
-    if is_zip(&start) {
-        let archive = Arc::new(Archive::open(file, limits)?);
-        return match torch::find_pickle(&archive)? {
-            Some(root) => torch::open(file, &archive, &root, limits),
-            None => npz::open(file, &archive, limits),
-        };
+    if let Some(syntax) = syntax_of(file, &start)? {
+        return (syntax.open)(file, limits);
     }
-    if is_safetensors(&start) {
-        return safetensors::open(file, limits);
-    }
-    if parameters::is_parameters(file)? {
-        return parameters::open(file, limits);
-    }
-    if start.starts_with(&VDB_MAGIC) {
-        return vdb::open(file, limits);
-    }
-    if nvdb::is_nanovdb(&start) {
-        return nvdb::open(file, limits);
-    }
-    if let Some(packing) = msgpack::packing(&start) {
-        return msgpack::open(file, packing, limits);
-    }
-    if is_voxels(file)? {
-        return ply::open(file, limits);
-    }
-    let expected = "a PyTorch checkpoint (zip), a .safetensors or an .npz file, an Instant-NGP \
-                    snapshot, a SNeRG folder, an OpenVDB or a NanoVDB file";
+    let expected = expected();
     if is_splats(file)? {
         let error = Error::unsupported(Place::File, "Gaussian splats (a PLY file)", expected);
         return Err(error.advise("splats have no density to bake: name the file of a field"));

@@ -19,11 +19,31 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 
 /// The first bytes of such a file.
-pub(super) const MAGIC: &[u8] = b"ply";
+const MAGIC: &[u8] = b"ply";
+/// Bytes that are looked through for the names of properties, at most.
+const LOOKED_THROUGH: u64 = 1 << 13;
 /// Longer headers are none.
 const LONGEST: u64 = 1 << 16;
 /// The line after which vertices begin.
 const END: &[u8] = b"end_header\n";
+
+/// True for a file of Gaussian splats, whose header names their colours.
+pub(super) fn is_splats(file: &SourceFile) -> Result<bool> {
+    names(file, ["f_dc_0", "rot_0"])
+}
+
+/// True for a file of SVRaster's voxels.
+pub(super) fn is_voxels(file: &SourceFile) -> Result<bool> {
+    names(file, ["octlevel", "grid0_value"])
+}
+
+/// True for a PLY file whose header has these words.
+fn names(file: &SourceFile, words: [&str; 2]) -> Result<bool> {
+    let count = file.length().min(LOOKED_THROUGH);
+    let start = file.read(0, count, count)?;
+    let names = |word: &str| start.windows(word.len()).any(|window| window == word.as_bytes());
+    Ok(start.starts_with(MAGIC) && words.into_iter().all(names))
+}
 
 /// Opens such a file. The values are `comments` (name to text), `count`, `start` (the first byte of
 /// vertices), `stride` (bytes of a vertex), and `properties` (name to its type and first byte).

@@ -9,9 +9,9 @@
 
 use glam::DVec3;
 
+use super::render::{Frame, Renderer, render_depths};
 #[cfg(feature = "pictures")]
 use super::render::{FrameOptions, LevelChoice, render};
-use super::render::{Frame, Renderer, render_depths};
 use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::model::camera::{Camera, Lens, Orbit, Ray, direction, sphere};

@@ -1,0 +1,100 @@
+//! The files that are read, one row for each syntax. A new one is its reader, its [`FileKind`] and a
+//! row: from it follow how files are told apart, what messages say is expected, and the extensions
+//! that verbs know.
+//!
+//! [`FileKind`]: super::FileKind
+
+use std::sync::Arc;
+
+use super::file::TensorFile;
+use super::zip::Archive;
+use super::{msgpack, npz, nvdb, parameters, ply, safetensors, torch, vdb};
+use crate::base::bytes::SourceFile;
+use crate::base::error::Result;
+use crate::base::file_kind::{VDB_MAGIC, is_safetensors, is_zip};
+use crate::base::limits::Limits;
+
+/// A syntax of files.
+pub(super) struct Syntax {
+    /// What messages call its files.
+    pub name: &'static str,
+    /// What their names usually end with.
+    pub extensions: &'static [&'static str],
+    /// True for one of its files, of which the second argument is the start.
+    pub is: fn(&SourceFile, &[u8]) -> Result<bool>,
+    /// Opens one.
+    pub open: fn(&Arc<SourceFile>, &Limits) -> Result<TensorFile>,
+}
+
+/// All of them, in the order in which a file is held against them.
+pub(super) const SYNTAXES: [Syntax; 7] = [
+    Syntax {
+        name: "a PyTorch checkpoint or an .npz file (both zip)",
+        extensions: &["ckpt", "npz", "pt", "pth", "tar", "th"],
+        is: |_, start| Ok(is_zip(start)),
+        open: |file, limits| {
+            let archive = Arc::new(Archive::open(file, limits)?);
+            match torch::find_pickle(&archive)? {
+                Some(root) => torch::open(file, &archive, &root, limits),
+                None => npz::open(file, &archive, limits),
+            }
+        },
+    },
+    Syntax {
+        name: "a .safetensors file",
+        extensions: &["safetensors"],
+        is: |_, start| Ok(is_safetensors(start)),
+        open: safetensors::open,
+    },
+    Syntax {
+        name: "a folder of SNeRG or MERF",
+        extensions: &["json"],
+        is: |file, _| parameters::is_parameters(file),
+        open: parameters::open,
+    },
+    Syntax {
+        name: "an OpenVDB file",
+        extensions: &["vdb"],
+        is: |_, start| Ok(start.starts_with(&VDB_MAGIC)),
+        open: vdb::open,
+    },
+    Syntax {
+        name: "a NanoVDB file",
+        extensions: &["nvdb"],
+        is: |_, start| Ok(nvdb::is_nanovdb(start)),
+        open: nvdb::open,
+    },
+    Syntax {
+        name: "an Instant-NGP snapshot",
+        extensions: &["ingp", "msgpack"],
+        is: |_, start| Ok(msgpack::packing(start).is_some()),
+        open: msgpack::open,
+    },
+    Syntax {
+        name: "a PLY file of voxels",
+        extensions: &["ply"],
+        is: |file, _| ply::is_voxels(file),
+        open: ply::open,
+    },
+];
+
+/// What the names of files that can be read usually end with.
+pub fn extensions() -> impl Iterator<Item = &'static str> {
+    SYNTAXES.iter().flat_map(|syntax| syntax.extensions).copied()
+}
+
+/// The syntax of a file, if it is one of them.
+pub(super) fn syntax_of(file: &SourceFile, start: &[u8]) -> Result<Option<&'static Syntax>> {
+    for syntax in &SYNTAXES {
+        if (syntax.is)(file, start)? {
+            return Ok(Some(syntax));
+        }
+    }
+    Ok(None)
+}
+
+/// The list of what is expected, for messages.
+pub(super) fn expected() -> String {
+    let [others @ .., last] = &SYNTAXES.each_ref().map(|syntax| syntax.name);
+    format!("{}, or {last}", others.join(", "))
+}
