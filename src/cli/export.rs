@@ -5,15 +5,13 @@ use std::time::Instant;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
-use serde::Serialize;
-use serde_json::{Map, Value};
 
 use super::cameras::{CameraArguments, CameraSource, check_memory};
 use super::common::Common;
+use super::export_report::ExportReport;
 use super::field::FieldArguments;
 use super::guess::input_path;
-use super::layout::{columns, folded};
-use super::outcome::{Outcome, counted, denied, readable};
+use super::outcome::{Outcome, denied};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
@@ -31,7 +29,7 @@ use crate::model::camera::Camera;
 use crate::model::grid::Bounds;
 use crate::view::{overview, panorama};
 use mipvog_inputs::{self, Family, tensor};
-use mipvog_outputs::export_files::{ExportFiles, FileReport};
+use mipvog_outputs::export_files::ExportFiles;
 use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
 use mipvog_outputs::measure::export_errors;
 
@@ -119,30 +117,6 @@ enum Up {
     Z,
     /// As in Houdini and most film tools
     Y,
-}
-
-#[derive(Debug, Serialize)]
-#[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
-pub(super) struct ExportReport {
-    input: String,
-    output: String,
-    format: &'static str,
-    level: usize,
-    seconds: f64,
-    output_bytes: u64,
-    /// Empty if the gate was missed.
-    files: Vec<FileReport>,
-    /// The mean over the cameras, in dB.
-    psnr: Option<f64>,
-    /// Over the pixels of all cameras, in dB; the gate's figure.
-    pooled_psnr: Option<f64>,
-    cameras: usize,
-    /// Pixels along x and y of the first camera's picture.
-    picture_size: [usize; 2],
-    required_psnr: Option<f64>,
-    passed: bool,
-    lost: Vec<String>,
-    details: Map<String, Value>,
 }
 
 /// Exports.
@@ -405,24 +379,5 @@ impl Arguments {
         let source = mipvog_inputs::open_with(&stdin::resolve(&self.field)?, &options, limits)?;
         let bake = BakeOptions { limits: limits.clone(), ..BakeOptions::default() };
         Baker::new(bake).to_vec(&source)
-    }
-}
-
-impl ExportReport {
-    fn text(&self) -> String {
-        let mut text = String::new();
-        let mut add = |line: &str| text += &(folded(line, columns(), 4) + "\n");
-        for file in &self.files {
-            add(&format!("{}: {}", file.path, readable(file.bytes)));
-        }
-        let pictures = counted(self.cameras, "picture");
-        if let Some(psnr) = self.pooled_psnr {
-            let [width, height] = self.picture_size;
-            add(&format!("  {psnr:.2} dB against the field, {pictures} of {width}x{height}"));
-        }
-        for lost in &self.lost {
-            add(&format!("  lost: {lost}"));
-        }
-        text
     }
 }

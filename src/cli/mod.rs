@@ -17,6 +17,7 @@ mod detail;
 mod document;
 mod error_report;
 mod export;
+mod export_report;
 mod failure;
 mod field;
 mod file_names;

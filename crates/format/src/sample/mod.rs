@@ -16,6 +16,7 @@ mod level;
 mod point;
 mod sampler;
 mod skip;
+mod skip_distance;
 mod sparse;
 mod view;
 
