@@ -2,13 +2,11 @@
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
-import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { CountingServer, launch, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
+import { bakedScene, CountingServer, launch, newPage, openOther, psnr } from "./support.js";
 import type {} from "./others/babylon.scenes.js";
 
-const folder = temporaryFolder();
 const server = new CountingServer();
 let browser: Browser;
 let page: Page;
@@ -17,11 +15,10 @@ let container: string;
 let asset: string;
 
 before(async () => {
-  const path = join(folder.path, "tiny.mipvog");
-  program("bake", join(ROOT, "fixtures", "trained", "tiny", "fine_last.tar"), "-o", path, "--gltf", join(folder.path, "tiny.glb"));
+  const baked = bakedScene("tiny");
   await server.start();
-  container = server.offer("tiny.mipvog", readFileSync(path));
-  asset = server.offer("tiny.glb", readFileSync(join(folder.path, "tiny.glb")));
+  container = server.offer("tiny.mipvog", readFileSync(baked.container));
+  asset = server.offer("tiny.glb", readFileSync(baked.asset));
   browser = await launch();
   ({ page, problems } = await newPage(browser));
   await openOther(page, server, "babylon.scenes");
@@ -30,7 +27,6 @@ before(async () => {
 after(async () => {
   await browser.close();
   server.stop();
-  folder.remove();
 });
 
 /** What went wrong since this was last asked. */

@@ -1,14 +1,14 @@
 /** Fields in Babylon.js: pictures against the reference renderer's, of either hand, among meshes, and what it refuses. */
 
 import assert from "node:assert/strict";
-import { readFileSync, writeFileSync } from "node:fs";
+import { cpSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { CountingServer, launch, newPage, openOther, pixels, program, psnr, ROOT, temporaryFolder, turntable } from "./support.js";
+import { bakedScene, CountingServer, launch, newPage, openOther, pixels, program, psnr, ROOT, temporaryFolder, turntable } from "./support.js";
 import type { BabylonLook } from "./others/asked.js";
 
-const SIZE = 96;
+const SIZE = 64;
 const folder = temporaryFolder();
 const at = (name: string) => join(folder.path, name);
 const server = new CountingServer();
@@ -17,7 +17,9 @@ let page: Page;
 let problems: string[];
 
 before(async () => {
-  program("bake", join(ROOT, "fixtures", "trained", "tiny", "fine_last.tar"), "-o", at("field.mipvog"), "--gltf", at("field.glb"));
+  const baked = bakedScene("tiny");
+  cpSync(baked.container, at("field.mipvog"));
+  cpSync(baked.asset, at("field.glb"));
   await server.start();
   browser = await launch();
   ({ page, problems } = await newPage(browser));

@@ -5,19 +5,19 @@ import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { capture, CountingServer, launch, loseDevice, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
+import { bakedScene, capture, CountingServer, launch, loseDevice, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
 
 const LEGO = join(ROOT, "fixtures", "trained", "lego64");
 const CAMERAS = join(LEGO, "transforms_test.json");
 const folder = temporaryFolder();
-const container = join(folder.path, "lego64.mipvog");
+let container: string;
 let bytes: Buffer;
 let levels: { prefix_bytes: number }[];
 let server: CountingServer;
 let browser: Browser;
 
 before(async () => {
-  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container);
+  ({ container } = bakedScene("lego"));
   bytes = readFileSync(container);
   ({ levels } = JSON.parse(program("inspect", container, "--format", "json")));
   server = new CountingServer();

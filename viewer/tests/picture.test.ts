@@ -5,7 +5,7 @@ import { existsSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
-import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, turntable, views } from "./support.js";
+import { bakedScene, capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, turntable, views } from "./support.js";
 
 const FIXTURES = join(ROOT, "fixtures");
 const LEGO = join(FIXTURES, "trained", "lego64");
@@ -25,16 +25,15 @@ after(async () => {
 });
 
 test("a trained scene looks as the reference renderer draws it, near and far", async () => {
-  const container = join(folder.path, "lego64.mipvog");
+  const { container, asset } = bakedScene("lego");
   const cameras = join(LEGO, "transforms_test.json");
-  program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container, "--gltf", join(folder.path, "lego64.glb"));
   const reference = join(folder.path, "lego64");
-  program("render", container, "--cameras", cameras, "--size", "200x200", "--frames", "0,1,2", "--scales", "1,4", "-o", reference);
+  program("render", container, "--cameras", cameras, "--size", "128x128", "--frames", "0,1,2", "--scales", "1,4", "-o", reference);
   const { page, problems } = await newPage(browser);
   await page.goto(server.page("lego64.mipvog", readFileSync(container)));
   await ready(page);
   const frames = JSON.parse(readFileSync(cameras, "utf8")).frames;
-  for (const [i, view] of views(cameras, 200).slice(0, 3).entries()) {
+  for (const [i, view] of views(cameras, 128).slice(0, 3).entries()) {
     const name = frames[i].file_path.split("/").pop();
     for (const [scale, least] of [
       [1, 40],
@@ -51,9 +50,9 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   assert.ok(sparse.rays > 1000, `${sparse.rays} rays`);
   assert.ok(3 * sparse.fetchesPerRay <= dense.fetchesPerRay, `${sparse.fetchesPerRay} of ${dense.fetchesPerRay}`);
   // The asset that `bake --gltf` writes shows the field, not its mesh.
-  await page.goto(server.page("lego64.glb", readFileSync(join(folder.path, "lego64.glb"))));
+  await page.goto(server.page("lego64.glb", readFileSync(asset)));
   await ready(page);
-  const found = psnr(await capture(page, views(cameras, 200)[0]), await pixels(page, join(reference, "r_0.s1.png")));
+  const found = psnr(await capture(page, views(cameras, 128)[0]), await pixels(page, join(reference, "r_0.s1.png")));
   assert.ok(found >= 40, `the asset: ${found} dB`);
   assert.deepEqual(problems, []);
   await page.close();
@@ -81,7 +80,7 @@ test("a device of few uniforms reads the network's weights from a texture, and d
   });
   const container = join(FIXTURES, "baked", "tiny.rate.mipvog");
   const { bounds } = JSON.parse(program("inspect", container, "--format", "json"));
-  program("render", container, "--turntable", "3", "--frames", "1", "--size", "96x96", "-o", join(folder.path, "few"));
+  program("render", container, "--turntable", "3", "--frames", "1", "--size", "64x64", "-o", join(folder.path, "few"));
   await page.goto(server.page("few.mipvog", readFileSync(container)));
   await ready(page);
   const uniforms = await page.evaluate(() => {
@@ -90,7 +89,7 @@ test("a device of few uniforms reads the network's weights from a texture, and d
     return renderer.info.programs!.flatMap(({ program }) => ["u_weights", "u_network"].filter((name) => gl.getUniformLocation(program as WebGLProgram, name) !== null));
   });
   assert.deepEqual([...new Set(uniforms)], ["u_weights"]);
-  const found = psnr(await capture(page, turntable(bounds, 3, 96)[1]), await pixels(page, join(folder.path, "few", "turn_001.s1.png")));
+  const found = psnr(await capture(page, turntable(bounds, 3, 64)[1]), await pixels(page, join(folder.path, "few", "turn_001.s1.png")));
   assert.ok(found >= 50, `${found} dB`);
   assert.deepEqual(problems, []);
   await page.close();
@@ -103,10 +102,10 @@ for (const name of CONTAINERS) {
     const { page, problems } = await newPage(browser);
     await page.goto(server.page(`${name}.mipvog`, readFileSync(container)));
     await ready(page);
-    const [, view] = turntable(bounds, 3, 96);
+    const [, view] = turntable(bounds, 3, 64);
     for (const level of ["auto", ...levels.keys()]) {
       const reference = join(folder.path, `${name}.${level}`);
-      program("render", container, "--turntable", "3", "--frames", "1", "--size", "96x96", "--level-of-detail", String(level), "-o", reference);
+      program("render", container, "--turntable", "3", "--frames", "1", "--size", "64x64", "--level-of-detail", String(level), "-o", reference);
       await page.evaluate((level) => (window.__mipvog.field!.fixedLevel = typeof level === "number" ? level : null), level);
       const found = psnr(await capture(page, view), await pixels(page, join(reference, "turn_001.s1.png")));
       // The lowest is 54 dB; without directional brightness tiny.fit.filled has 42, without anisotropy 44.

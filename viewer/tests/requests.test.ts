@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { CountingServer, launch, newPage, openOther, program, ROOT, temporaryFolder } from "./support.js";
+import { bakedScene, CountingServer, launch, newPage, openOther, program, ROOT, temporaryFolder } from "./support.js";
 import type {} from "./others/babylon.scenes.js";
 import type {} from "./others/scenes.js";
 
@@ -18,7 +18,6 @@ let asset: string;
 
 before(async () => {
   program("bake", join(ROOT, "fixtures", "trained", "tiny", "fine_last.tar"), "-o", join(folder.path, "field.mipvog"), "--gltf", join(folder.path, "beside.gltf"));
-  program("bake", join(ROOT, "fixtures", "trained", "lego64", "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", join(folder.path, "network.mipvog"));
   await server.start();
   for (const name of ["field.mipvog", "beside.gltf", "beside.bin"]) {
     try {
@@ -133,7 +132,7 @@ test("a signal ends loading, and a manager of three.js hears of the first level 
 });
 
 test("the first picture takes two requests, none is broken off, and those that fail are made again", async () => {
-  const large = readFileSync(join(folder.path, "network.mipvog"));
+  const large = readFileSync(bakedScene("lego").container);
   const address = server.offer("network.mipvog", large);
   await open("scenes");
   server.login = null;

@@ -3,7 +3,7 @@
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import type { Page } from "playwright-core";
-import { CountingServer, launch, newPage, openOther, program, ROOT, temporaryFolder } from "./support.js";
+import { bakedScene, CountingServer, launch, newPage, openOther, ROOT } from "./support.js";
 import type {} from "./others/scenes.js";
 
 export interface Studio {
@@ -18,13 +18,11 @@ export interface Studio {
 }
 
 export async function openStudio(): Promise<Studio> {
-  const folder = temporaryFolder();
   const server = new CountingServer();
-  const container = join(folder.path, "lego.mipvog");
-  program("bake", join(ROOT, "fixtures", "trained", "lego64", "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "-o", container, "--gltf", join(folder.path, "lego.glb"));
+  const baked = bakedScene("lego");
   await server.start();
-  const lego = server.offer("lego.mipvog", readFileSync(container));
-  const asset = server.offer("lego.glb", readFileSync(join(folder.path, "lego.glb")));
+  const lego = server.offer("lego.mipvog", readFileSync(baked.container));
+  const asset = server.offer("lego.glb", readFileSync(baked.asset));
   const harmonics = server.offer("harmonics.mipvog", readFileSync(join(ROOT, "fixtures", "baked", "harmonics.mipvog")));
   const browser = await launch();
   const { page, problems } = await newPage(browser);
@@ -33,7 +31,6 @@ export async function openStudio(): Promise<Studio> {
   const close = async () => {
     await browser.close();
     server.stop();
-    folder.remove();
   };
   return { page, lego, harmonics, asset, wrong, close };
 }

@@ -1,11 +1,11 @@
 /** What the tests share: a server that counts, a browser, the program, and pictures. */
 
 import { execFileSync } from "node:child_process";
-import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from "node:fs";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, renameSync, rmSync, statSync } from "node:fs";
 import { createServer, type IncomingMessage, type ServerResponse } from "node:http";
 import type { AddressInfo } from "node:net";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { join, resolve } from "node:path";
 import { gzipSync } from "node:zlib";
 import { type Browser, chromium, type Frame, type Page } from "playwright-core";
 import type {} from "../page/viewer.js";
@@ -25,6 +25,33 @@ export function programPath(): string {
   const path = process.env.MIPVOG_BAKE ?? join(target, "debug", "mipvog-bake");
   if (!existsSync(path)) throw new Error(`${path} is not there: build the program first, with cargo build`);
   return path;
+}
+
+/** A baked scene, and the asset that is written beside it. */
+export interface Baked {
+  container: string;
+  asset: string;
+}
+
+const LEGO = ["lego64", "--stepsize", "0.5", "--near", "2", "--far", "6"];
+
+/** A scene, trained from 2 to 6 units away, or a smaller one: baked once for all files of tests. */
+export function bakedScene(name: "lego" | "tiny"): Baked {
+  const [scene, ...options] = name === "lego" ? LEGO : ["tiny"];
+  const folder = join("build", "tests", "baked", name);
+  const files = (folder: string): Baked => ({ container: resolve(folder, "field.mipvog"), asset: resolve(folder, "field.glb") });
+  if (!existsSync(folder)) {
+    // Files of tests run beside each other: what another one has baked meanwhile is as good.
+    mkdirSync(join("build", "tests", "baked"), { recursive: true });
+    const own = mkdtempSync(`${folder}.`);
+    program("bake", join(ROOT, "fixtures", "trained", scene, "fine_last.tar"), ...options, "-o", files(own).container, "--gltf", files(own).asset);
+    try {
+      renameSync(own, folder);
+    } catch {
+      rmSync(own, { recursive: true });
+    }
+  }
+  return files(folder);
 }
 
 /** A folder that is gone after the tests. */
@@ -183,9 +210,12 @@ export async function launchWebGPU(): Promise<Browser> {
   return chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--enable-unsafe-swiftshader", ...QUIET] });
 }
 
-/** A page that remembers what went wrong in it. */
-export async function newPage(browser: Browser, size = { width: 400, height: 300 }): Promise<{ page: Page; problems: string[] }> {
-  const page = await browser.newPage({ viewport: size });
+/**
+ * A page that remembers what went wrong in it. Its pictures have fewer pixels than its size says, since rays take processors
+ * long; what is laid out takes no notice of that.
+ */
+export async function newPage(browser: Browser, size = { width: 400, height: 300 }, deviceScaleFactor = 1 / 4): Promise<{ page: Page; problems: string[] }> {
+  const page = await browser.newPage({ viewport: size, deviceScaleFactor });
   page.setDefaultTimeout(120_000);
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));

@@ -2,6 +2,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { unrolled } from "../src/render/shader.js";
 import { applyConditions } from "../src/render/wgsl/conditions.js";
 import { Data } from "../src/render/wgsl/data.js";
 
@@ -29,4 +30,13 @@ test("uniforms lie one behind the other, in quadruples, and are read by their na
     "fn u_toBox() -> mat3x3f { return mat3x3f(list[7].xyz, list[8].xyz, list[9].xyz); }",
   ]);
   assert.throws(() => new Data({ u_unknown: 1 }), /u_unknown/);
+});
+
+test("what is done for each of few quadruples is written out, in both languages", () => {
+  const source = (name: string) => [`  for (${name} quad = 0; quad < QUADS; quad++) { color[quad] = at(quad == 0, quads); }`, `for (${name} quad = low; quad < high; quad++) at(quad);`].join("\n");
+  for (const name of ["int", "var"]) {
+    assert.deepEqual(unrolled(source(name), 2).split("\n"), ["  { color[0] = at(0 == 0, quads); }", "  { color[1] = at(1 == 0, quads); }", source(name).split("\n")[1]]);
+    assert.equal(unrolled(source(name), 7), source(name));
+  }
+  assert.equal(unrolled("for (int quad = 0; quad < QUADS; quad++) sum[quad] = vec4(0.0);", 1), "sum[0] = vec4(0.0);");
 });

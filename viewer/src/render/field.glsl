@@ -127,6 +127,11 @@ float opaqueDepth(float alpha) {
 }
 
 // Optical depth over one interval.
+#ifdef DECODE
+#define DECODE_OF(level) DECODE
+#else
+#define DECODE_OF(level) u_levels[level].z
+#endif
 float opticalDepth(float density, int decode) {
   if (decode == 1) return min(density * density, LARGEST);
   if (decode == 2) return opaqueDepth(density);
@@ -152,6 +157,9 @@ bool isAbsent;
 // interpolated, 0 of those that are not stored. Of `lower` and `upper`, along the field's x, the second corner is the next one
 // along its z, the third along its y, and the fourth along both.
 struct Cell { uvec4 lower, upper; vec4 lowerShares, upperShares; };
+// The cell that was located last. What is assigned costs a processor more than what is computed, so that structures are
+// neither copied nor returned, and sums over corners are one expression.
+Cell located;
 
 // One more than the first texel of a block's slot; 0 where it is not stored.
 uint lookUp(int level, ivec3 block) {
@@ -160,7 +168,7 @@ uint lookUp(int level, ivec3 block) {
 }
 
 // False where the level stores nothing at the position.
-bool locate(int level, vec3 position, out Cell cell) {
+bool locate(int level, vec3 position) {
   ivec3 nodes = u_nodes[level].xyz;
   int edge = u_nodes[level].w;
   vec3 at = position * vec3(nodes - 1);
@@ -187,8 +195,17 @@ bool locate(int level, vec3 position, out Cell cell) {
   // A dense grid stores everything.
   if (place == 0u && u_skips) return false;
   ivec3 low = lowest - block * edge;
+  vec3 f = at - vec3(lowest);
+  vec4 shares = vec4(1.0 - f.yy, f.yy) * vec4(1.0 - f.z, f.z, 1.0 - f.z, f.z);
   // Along these axes, the cell has nodes of the next blocks.
   bvec3 leaves = equal(low, ivec3(edge - 1));
+  if (place != 0u && !any(leaves)) {
+    located.lower = uvec4(0u, 1u, 2048u, 2049u) + (place - 1u + (uint(low.x) << 22) + uint(low.y << 11) + uint(low.z));
+    located.upper = located.lower + (1u << 22);
+    located.lowerShares = shares * (1.0 - f.x);
+    located.upperShares = shares * f.x;
+    return true;
+  }
   uvec4 lower = uvec4(place), upper = uvec4(place);
   if (leaves.z) lower.yw = upper.yw = uvec2(lookUp(level, block + ivec3(0, 0, 1)));
   if (leaves.y) {
@@ -208,92 +225,84 @@ bool locate(int level, vec3 position, out Cell cell) {
 #endif
   uvec3 first = uvec3(low), last = uvec3(not(leaves)) * (first + 1u);
   uvec4 within = (uvec4(first.y, first.y, last.y, last.y) << 11) + uvec4(first.z, last.z, first.z, last.z) - 1u;
-  cell.lower = lower + within + (first.x << 22);
-  cell.upper = upper + within + (last.x << 22);
-  vec3 f = at - vec3(lowest), g = 1.0 - f;
-  vec4 shares = vec4(g.y, g.y, f.y, f.y) * vec4(g.z, f.z, g.z, f.z);
-  cell.lowerShares = shares * g.x * vec4(notEqual(lower, uvec4(0u)));
-  cell.upperShares = shares * f.x * vec4(notEqual(upper, uvec4(0u)));
+  located.lower = lower + within + (first.x << 22);
+  located.upper = upper + within + (last.x << 22);
+  located.lowerShares = shares * (1.0 - f.x) * vec4(notEqual(lower, uvec4(0u)));
+  located.upperShares = shares * f.x * vec4(notEqual(upper, uvec4(0u)));
   return true;
 }
 
-ivec3 placeOf(uint texel) {
-  return ivec3(texel & 2047u, texel >> 11 & 2047u, texel >> 22);
-}
-
-float densityOf(uint texel) {
-#ifdef BESIDE
-  ivec3 place = placeOf(texel);
-  return texelFetch(u_color, ivec3(place.xy, place.z + (QUADS - 1) * u_slotsDeep * u_slot), 0).a;
-#else
-  return texelFetch(u_density, placeOf(texel), 0).r;
-#endif
+// A texel so far behind its place along the field's x.
+vec4 fetched(sampler3D atlas, uint texel, int behind) {
+  return texelFetch(atlas, ivec3(texel & 2047u, texel >> 11 & 2047u, int(texel >> 22) + behind), 0);
 }
 
 vec4 densitiesOf(uvec4 texels) {
-  return vec4(densityOf(texels.x), densityOf(texels.y), densityOf(texels.z), densityOf(texels.w));
+#ifdef BESIDE
+#define DENSITY_OF(texel) fetched(u_color, texel, (QUADS - 1) * u_slotsDeep * u_slot).a
+#else
+#define DENSITY_OF(texel) fetched(u_density, texel, 0).r
+#endif
+  return vec4(DENSITY_OF(texels.x), DENSITY_OF(texels.y), DENSITY_OF(texels.z), DENSITY_OF(texels.w));
+}
+
+// What an offset from the middle code means, but for the center.
+vec4 offsetOf(vec4 x, vec4 step, vec4 curve) {
+  return x * (step + curve * x * x);
 }
 
 // What is interpolated counts as one fetch, of however many texels.
 float densityAt(int level, Cell cell) {
   fetches++;
   vec4 codes = u_codes[level * GROUPS];
+#ifdef DENSITY_CURVES
+#define DENSITY_TERMS(x) offsetOf(x, vec4(codes.y), vec4(codes.z))
+#else
+#define DENSITY_TERMS(x) (codes.y * (x))
+#endif
+#ifdef EMPTY_DENSITY
   vec4 lower = densitiesOf(cell.lower), upper = densitiesOf(cell.upper);
   vec4 lowerShares = cell.lowerShares, upperShares = cell.upperShares;
   if (codes.w < 0.0) {
     lowerShares *= vec4(notEqual(lower, vec4(0.0)));
     upperShares *= vec4(notEqual(upper, vec4(0.0)));
   }
-  lower -= abs(codes.w);
-  upper -= abs(codes.w);
   float stored = dot(lowerShares + upperShares, vec4(1.0));
-  float sum = dot(lowerShares, lower) + dot(upperShares, upper);
-  float density = codes.x * stored + codes.y * sum + (1.0 - stored) * u_empty[level].x;
-#ifdef DENSITY_CURVES
-  density += codes.z * (dot(lowerShares, lower * lower * lower) + dot(upperShares, upper * upper * upper));
+  float sum = dot(lowerShares, DENSITY_TERMS(lower - abs(codes.w))) + dot(upperShares, DENSITY_TERMS(upper - abs(codes.w)));
+#else
+  float stored = dot(cell.lowerShares + cell.upperShares, vec4(1.0));
+  float sum = dot(cell.lowerShares, DENSITY_TERMS(densitiesOf(cell.lower) - codes.w)) +
+    dot(cell.upperShares, DENSITY_TERMS(densitiesOf(cell.upper) - codes.w));
 #endif
-  return density;
+  return codes.x * stored + sum + (1.0 - stored) * u_empty[level].x;
 }
 
-// Of four channels, sums over the corners: of shares of what is stored, of codes, and of their cubes.
-struct Sums { vec4 stored, codes, cubes; };
-
-void add(sampler3D atlas, uint texel, int behind, float share, vec4 middle, inout Sums sums) {
-  ivec3 place = placeOf(texel);
-  vec4 code = texelFetch(atlas, ivec3(place.xy, place.z + behind), 0);
-  vec4 x = code - abs(middle);
-#ifdef EMPTY_CODES
-  vec4 own = share * (1.0 - vec4(equal(code, vec4(0.0))) * vec4(lessThan(middle, vec4(0.0))));
-#else
-  float own = share;
-#endif
-  sums.stored += own;
-  sums.codes += own * x;
+// What a code means beyond what is there where nothing is stored.
+vec4 beyond(vec4 code, vec4 middle, vec4 base, vec4 step, vec4 curve) {
 #ifdef CURVES
-  sums.cubes += own * x * x * x;
+  vec4 value = base + offsetOf(code - abs(middle), step, curve);
+#else
+  vec4 value = base + step * (code - abs(middle));
+#endif
+#ifdef EMPTY_CODES
+  return value * (1.0 - vec4(equal(code, vec4(0.0))) * vec4(lessThan(middle, vec4(0.0))));
+#else
+  return value;
 #endif
 }
 
 // Four channels of an atlas, of two groups at most: those where `isLast` is 1 are of the second, the others of the first.
 vec4 quadAt(sampler3D atlas, int quad, Cell cell, vec4 first, vec4 last, vec4 isLast, vec4 empty) {
   fetches++;
-  vec4 middle = mix(first.wwww, last.wwww, isLast);
-  Sums sums = Sums(vec4(0.0), vec4(0.0), vec4(0.0));
   // Quadruples of all slots lie one behind the other.
   int behind = quad * u_slotsDeep * u_slot;
-  add(atlas, cell.lower.x, behind, cell.lowerShares.x, middle, sums);
-  add(atlas, cell.lower.y, behind, cell.lowerShares.y, middle, sums);
-  add(atlas, cell.lower.z, behind, cell.lowerShares.z, middle, sums);
-  add(atlas, cell.lower.w, behind, cell.lowerShares.w, middle, sums);
-  add(atlas, cell.upper.x, behind, cell.upperShares.x, middle, sums);
-  add(atlas, cell.upper.y, behind, cell.upperShares.y, middle, sums);
-  add(atlas, cell.upper.z, behind, cell.upperShares.z, middle, sums);
-  add(atlas, cell.upper.w, behind, cell.upperShares.w, middle, sums);
-  vec4 value = mix(first.xxxx, last.xxxx, isLast) * sums.stored + mix(first.yyyy, last.yyyy, isLast) * sums.codes;
-#ifdef CURVES
-  value += mix(first.zzzz, last.zzzz, isLast) * sums.cubes;
-#endif
-  return value + (1.0 - sums.stored) * empty;
+  vec4 middle = mix(first.wwww, last.wwww, isLast), base = mix(first.xxxx, last.xxxx, isLast) - empty;
+  vec4 step = mix(first.yyyy, last.yyyy, isLast), curve = mix(first.zzzz, last.zzzz, isLast);
+#define CORNER(texel, share) share * beyond(fetched(atlas, texel, behind), middle, base, step, curve)
+  return empty + CORNER(cell.lower.x, cell.lowerShares.x) + CORNER(cell.lower.y, cell.lowerShares.y) +
+    CORNER(cell.lower.z, cell.lowerShares.z) + CORNER(cell.lower.w, cell.lowerShares.w) +
+    CORNER(cell.upper.x, cell.upperShares.x) + CORNER(cell.upper.y, cell.upperShares.y) +
+    CORNER(cell.upper.z, cell.upperShares.z) + CORNER(cell.upper.w, cell.upperShares.w);
 }
 
 // The group of a channel of colour.
@@ -313,16 +322,29 @@ float emptyColor(int level, int group) {
   return group == 1 ? u_empty[level].y : u_empty[level].z;
 }
 
+#ifdef FUNCTIONS
+vec4 colorsOf(int level, int quad, bool stored, Cell cell) {
+  // Channels behind the last are not used as colours.
+  int first = groupOf(4 * quad), last = min(groupOf(4 * quad + 3), LAST_COLOR);
+  ivec4 groups = ivec4(first, groupOf(4 * quad + 1), groupOf(4 * quad + 2), last);
+  vec4 isLast = vec4(equal(groups, ivec4(last)));
+  vec4 empty = mix(vec4(emptyColor(level, first)), vec4(emptyColor(level, last)), isLast);
+  return stored ? quadAt(u_color, quad, cell, u_codes[level * GROUPS + first], u_codes[level * GROUPS + last], isLast, empty) : empty;
+}
+#endif
+
 void colorAt(int level, bool stored, Cell cell, out vec4 color[QUADS]) {
-  for (int quad = 0; quad < QUADS; quad++) {
-    // Channels behind the last are not used as colours.
-    int first = groupOf(4 * quad), last = min(groupOf(4 * quad + 3), LAST_COLOR);
-    ivec4 groups = ivec4(first, groupOf(4 * quad + 1), groupOf(4 * quad + 2), last);
-    vec4 isLast = vec4(equal(groups, ivec4(last)));
-    vec4 empty = mix(vec4(emptyColor(level, first)), vec4(emptyColor(level, last)), isLast);
-    color[quad] = empty;
-    if (stored) color[quad] = quadAt(u_color, quad, cell, u_codes[level * GROUPS + first], u_codes[level * GROUPS + last], isLast, empty);
-  }
+#ifdef FUNCTIONS
+  for (int quad = 0; quad < QUADS; quad++) color[quad] = colorsOf(level, quad, stored, cell);
+#else
+  vec2 empty = u_empty[level].yz;
+  // Behind three channels of the first group.
+  vec4 second = vec4(0.0, 0.0, 0.0, 1.0);
+  vec4 diffuse = u_codes[level * GROUPS + 1], features = u_codes[level * GROUPS + LAST_COLOR];
+  for (int quad = 0; quad < QUADS; quad++) color[quad] = quad == 0 ? mix(empty.xxxx, empty.yyyy, second) : empty.yyyy;
+  if (!stored) return;
+  for (int quad = 0; quad < QUADS; quad++) color[quad] = quadAt(u_color, quad, cell, quad == 0 ? diffuse : features, features, second, color[quad]);
+#endif
 }
 
 #ifdef DIRECTIONAL

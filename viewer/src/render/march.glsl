@@ -166,60 +166,51 @@ void main() {
       int level = int(lambda);
       float share = lambda - float(level);
       int count = share > 0.0 ? 2 : 1;
-      bool fine = false, coarse = false;
-      Cell fineCell, coarseCell;
+      bool fine = false, coarse = false, seen = false;
+      // The cell of the finer one of two levels.
+      Cell fineCell;
 #ifdef PARTIAL
       int fineLevel = level, coarseLevel = level + 1;
 #endif
+      float mixed = 0.0;
       for (int i = 0; i < count; i++) {
-        Cell cell;
+        if (i == 1) fineCell = located;
 #ifdef PARTIAL
         // What is not on the device is shown by the next coarser level that is.
         int shown = level + i;
         bool stored;
         for (; ; shown++) {
-          stored = locate(PART(shown), PLACE(PART(shown)), cell);
+          stored = locate(PART(shown), PLACE(PART(shown)));
           if (!isAbsent || shown + 1 >= LEVELS) break;
         }
         if (i == 0) fineLevel = shown;
         else coarseLevel = shown;
 #else
-        bool stored = locate(PART(level + i), PLACE(PART(level + i)), cell);
+        bool stored = locate(PART(level + i), PLACE(PART(level + i)));
 #endif
-        if (i == 0) {
-          fine = stored;
-          fineCell = cell;
-        } else {
-          coarse = stored;
-          coarseCell = cell;
-        }
-      }
-#ifndef SHARED_DENSITY
-      if (!fine && !coarse) continue;
-#endif
-      bool seen = false;
-      float mixed = 0.0;
-      for (int i = 0; i < count; i++) {
+        if (i == 0) fine = stored;
+        else coarse = stored;
         int dense = SHOWN(i);
-        bool stored = i == 0 ? fine : coarse;
-        Cell cell = fineCell;
-        if (i == 1) cell = coarseCell;
 #ifdef SHARED_DENSITY
         // A level without density has level 0's.
+        Cell own = located;
         if (u_levels[dense].y == 0) {
-          if (i == 1 && (level == 0 || u_levels[level].y == 0)) break;
+          if (i == 1 && (level == 0 || u_levels[level].y == 0)) continue;
           dense = 0;
-          stored = locate(dense, position, cell);
+          stored = locate(dense, position);
         }
 #endif
         seen = seen || stored;
 #ifdef ANISOTROPY
-        float density = stored ? densityAlong(dense, cell) : u_empty[dense].x;
+        float density = stored ? densityAlong(dense, located) : u_empty[dense].x;
 #else
-        float density = stored ? densityAt(dense, cell) : u_empty[dense].x;
+        float density = stored ? densityAt(dense, located) : u_empty[dense].x;
+#endif
+#ifdef SHARED_DENSITY
+        located = own;
 #endif
 #ifdef BLEND_AFTER
-        density = opticalDepth(density, u_levels[dense].z);
+        density = opticalDepth(density, DECODE_OF(dense));
 #ifdef NESTED
         density *= depthScale(dense);
 #endif
@@ -230,7 +221,7 @@ void main() {
 #ifdef BLEND_AFTER
       float optical = mixed;
 #else
-      float optical = opticalDepth(mixed, u_levels[level].z);
+      float optical = opticalDepth(mixed, DECODE_OF(level));
 #endif
       optical *= stands * intervalsOfStep;
       float alpha = opacity(optical);
@@ -243,18 +234,19 @@ void main() {
       if (weight > u_thresholds.y || !u_skips) {
         vec4 color[QUADS];
         for (int quad = 0; quad < QUADS; quad++) color[quad] = vec4(0.0);
-        for (int i = 0; i < count; i++) {
+        // The coarser one first, whose cell was located last.
+        for (int i = count - 1; i >= 0; i--) {
+          if (count == 2 && i == 0) located = fineCell;
+          float part = count == 1 ? 1.0 : i == 0 ? 1.0 - share : share;
           vec4 one[QUADS];
-          Cell cell = fineCell;
-          if (i == 1) cell = coarseCell;
-          colorAt(SHOWN(i), i == 0 ? fine : coarse, cell, one);
+          colorAt(SHOWN(i), i == 0 ? fine : coarse, located, one);
 #ifdef BRIGHTNESS
-          one[0].xyz += addedLogit(SHOWN(i), i == 0 ? fine : coarse, cell);
+          one[0].xyz += addedLogit(SHOWN(i), i == 0 ? fine : coarse, located);
 #endif
 #ifdef BLEND_AFTER
           activate(one);
 #endif
-          for (int quad = 0; quad < QUADS; quad++) color[quad] += (one[quad] - color[quad]) * (i == 0 ? 1.0 : share);
+          for (int quad = 0; quad < QUADS; quad++) color[quad] += part * one[quad];
         }
 #ifndef BLEND_AFTER
         activate(color);

@@ -74,6 +74,7 @@ export function defines(metadata: Metadata, { quads, directionalQuads, isPartial
   const isThere = (kind: "directional" | "anisotropy") => directionalQuads > 0 && hasLevels(metadata, kind);
   const coded = partsOf(metadata).flatMap((_, part) => storedGroups(metadata, part)).filter(({ kind }) => texelOf(texels, kind) === "codes");
   const colors = coded.filter(({ kind }) => kind !== "DENS");
+  const decodes = new Set(partsOf(metadata).flatMap(({ density }) => (density ? [decodeNumber(density.decode)] : [])));
   const set = (name: string, holds: boolean) => (holds ? { [name]: "" } : {});
   return {
     LEVELS: metadata.levels.length,
@@ -99,6 +100,8 @@ export function defines(metadata: Metadata, { quads, directionalQuads, isPartial
     GROUPS: kinds.length,
     LAST_COLOR: kinds.filter((kind) => !isDirectional(kind)).length - 1,
     ...set("BESIDE", texels.density === "beside"),
+    ...set("EMPTY_DENSITY", coded.some(({ kind, encoding }) => kind === "DENS" && encoding.empty_code)),
+    ...(decodes.size === 1 && { DECODE: [...decodes][0] }),
     ...set("DENSITY_CURVES", coded.some(({ kind, encoding }) => kind === "DENS" && encoding.curve !== 0)),
     ...set("CURVES", colors.some(({ encoding }) => encoding.curve !== 0)),
     ...set("EMPTY_CODES", colors.some(({ encoding }) => encoding.empty_code)),
@@ -123,5 +126,14 @@ function nestedDefines(metadata: Metadata, ivec2: string): Record<string, string
 export function fragmentShader(opened: Opened): string {
   const { metadata, plan, network } = opened;
   const fixed = Object.entries(defines(metadata, plan, network, "glsl")).map(([name, value]) => `#define ${name} ${value}`);
-  return [...fixed, field, networkSource(opened, "glsl"), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n");
+  return unrolled([...fixed, field, networkSource(opened, "glsl"), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n"), plan.quads);
+}
+
+/** Quadruples of which each is written out in what is done for all, since what is found by a number costs a processor much. */
+const UNROLLED = 4;
+
+/** A shader in which lines that are done for each quadruple are written out for each, where those are few. */
+export function unrolled(source: string, quads: number): string {
+  if (quads > UNROLLED) return source;
+  return source.replace(/^( *)for \(\w+ quad = 0; quad < QUADS; quad\+\+\) (.*;|\{.*; \})$/gm, (_, indent, body) => Array.from({ length: quads }, (_, quad) => indent + body.replace(/\bquad\b/g, String(quad))).join("\n"));
 }

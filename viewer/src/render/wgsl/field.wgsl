@@ -39,6 +39,15 @@ fn opaqueDepth(alpha: f32) -> f32 {
   return -log(1.0 - clamp(alpha, 0.0, 1.0 - 1.1920929e-7));
 }
 
+// How a level's densities are decoded.
+fn decodeOf(level: i32) -> i32 {
+#ifdef DECODE
+  return DECODE;
+#else
+  return u_levels(level).z;
+#endif
+}
+
 // Optical depth over one interval.
 fn opticalDepth(density: f32, decode: i32) -> f32 {
   if (decode == 1) { return min(density * density, LARGEST); }
@@ -61,12 +70,10 @@ const ABSENT = 0xffffffffu;
 var<private> isAbsent: bool = false;
 #endif
 
-// The corners of the cell that a position lies in, as `field.glsl` says of `Cell`; not stored where the level has nothing.
-struct Found { stored: bool, lower: vec4u, upper: vec4u, lowerShares: vec4f, upperShares: vec4f }
-
-fn nothingFound() -> Found {
-  return Found(false, vec4u(0u), vec4u(0u), vec4f(0.0), vec4f(0.0));
-}
+// The corners of a cell, as `field.glsl` says.
+struct Cell { lower: vec4u, upper: vec4u, lowerShares: vec4f, upperShares: vec4f }
+// The cell that was located last.
+var<private> located: Cell;
 
 // One more than the first texel of a block's slot; 0 where it is not stored.
 fn lookUp(level: i32, block: vec3i) -> u32 {
@@ -74,7 +81,8 @@ fn lookUp(level: i32, block: vec3i) -> u32 {
   return textureLoad(u_table, vec3i(block.zy, block.x + u_levels(level).x), 0).r;
 }
 
-fn locate(level: i32, position: vec3f) -> Found {
+// False where the level stores nothing at the position.
+fn locate(level: i32, position: vec3f) -> bool {
   let nodes = u_nodes(level).xyz;
   let edge = u_nodes(level).w;
   let at = position * vec3f(nodes - 1);
@@ -99,10 +107,18 @@ fn locate(level: i32, position: vec3f) -> Found {
   isAbsent = place == ABSENT;
 #endif
   // A dense grid stores everything.
-  if (place == 0u && u_skips()) { return nothingFound(); }
+  if (place == 0u && u_skips()) { return false; }
   let low = lowest - block * edge;
+  let f = at - vec3f(lowest);
+  let g = 1.0 - f;
+  let shares = vec4f(g.y, g.y, f.y, f.y) * vec4f(g.z, f.z, g.z, f.z);
   // Along these axes, the cell has nodes of the next blocks.
   let leaves = low == vec3i(edge - 1);
+  if (place != 0u && !any(leaves)) {
+    let texels = vec4u(0u, 1u, 2048u, 2049u) + (place - 1u + (u32(low.x) << 22u) + (u32(low.y) << 11u) + u32(low.z));
+    located = Cell(texels, texels + (1u << 22u), shares * g.x, shares * f.x);
+    return true;
+  }
   var lower = vec4u(place);
   var upper = lower;
   if (leaves.z) {
@@ -134,24 +150,23 @@ fn locate(level: i32, position: vec3f) -> Found {
   let first = vec3u(low);
   let last = select(first + 1u, vec3u(0u), leaves);
   let within = (vec4u(first.y, first.y, last.y, last.y) << vec4u(11u)) + vec4u(first.z, last.z, first.z, last.z) - 1u;
-  let f = at - vec3f(lowest);
-  let g = 1.0 - f;
-  let shares = vec4f(g.y, g.y, f.y, f.y) * vec4f(g.z, f.z, g.z, f.z);
   let none = vec4f(0.0);
   let lowerShares = select(shares * g.x, none, lower == vec4u(0u));
   let upperShares = select(shares * f.x, none, upper == vec4u(0u));
-  return Found(true, lower + within + (first.x << 22u), upper + within + (last.x << 22u), lowerShares, upperShares);
+  located = Cell(lower + within + (first.x << 22u), upper + within + (last.x << 22u), lowerShares, upperShares);
+  return true;
 }
 
-fn placeOf(texel: u32) -> vec3u {
-  return vec3u(texel & 2047u, (texel >> 11u) & 2047u, texel >> 22u);
+// A texel so far behind its place along the field's x.
+fn fetched(atlas: texture_3d<f32>, texel: u32, behind: u32) -> vec4f {
+  return textureLoad(atlas, vec3u(texel & 2047u, (texel >> 11u) & 2047u, (texel >> 22u) + behind), 0);
 }
 
 fn densityOf(texel: u32) -> f32 {
 #ifdef BESIDE
-  return textureLoad(u_color, placeOf(texel) + vec3u(0u, 0u, u32((QUADS - 1) * u_slotsDeep() * u_slot())), 0).a;
+  return fetched(u_color, texel, u32((QUADS - 1) * u_slotsDeep() * u_slot())).a;
 #else
-  return textureLoad(u_density, placeOf(texel), 0).r;
+  return fetched(u_density, texel, 0u).r;
 #endif
 }
 
@@ -159,65 +174,70 @@ fn densitiesOf(texels: vec4u) -> vec4f {
   return vec4f(densityOf(texels.x), densityOf(texels.y), densityOf(texels.z), densityOf(texels.w));
 }
 
-// What is interpolated counts as one fetch, of however many texels.
-fn densityAt(level: i32, found: Found) -> f32 {
-  fetches++;
-  let codes = u_codes(level * GROUPS);
-  var lower = densitiesOf(found.lower);
-  var upper = densitiesOf(found.upper);
-  let hasEmpty = vec4<bool>(codes.w < 0.0);
-  let none = vec4f(0.0);
-  let lowerShares = select(found.lowerShares, none, hasEmpty & (lower == none));
-  let upperShares = select(found.upperShares, none, hasEmpty & (upper == none));
-  lower -= abs(codes.w);
-  upper -= abs(codes.w);
-  let stored = dot(lowerShares + upperShares, vec4f(1.0));
-  let sum = dot(lowerShares, lower) + dot(upperShares, upper);
-  var density = codes.x * stored + codes.y * sum + (1.0 - stored) * u_empty(level).x;
-#ifdef DENSITY_CURVES
-  density += codes.z * (dot(lowerShares, lower * lower * lower) + dot(upperShares, upper * upper * upper));
-#endif
-  return density;
+// What an offset from the middle code means, but for the center.
+fn offsetOf(x: vec4f, step: vec4f, curve: vec4f) -> vec4f {
+  return x * (step + curve * x * x);
 }
 
-// Of four channels, sums over the corners: of shares of what is stored, of codes, and of their cubes.
-struct Sums { stored: vec4f, codes: vec4f, cubes: vec4f }
-
-fn add(atlas: texture_3d<f32>, texel: u32, behind: u32, share: f32, middle: vec4f, sums: ptr<function, Sums>) {
-  let code = textureLoad(atlas, placeOf(texel) + vec3u(0u, 0u, behind), 0);
-  let x = code - abs(middle);
-#ifdef EMPTY_CODES
-  let own = select(vec4f(share), vec4f(0.0), (code == vec4f(0.0)) & (middle < vec4f(0.0)));
+fn densityTerms(x: vec4f, codes: vec4f) -> vec4f {
+#ifdef DENSITY_CURVES
+  return offsetOf(x, vec4f(codes.y), vec4f(codes.z));
 #else
-  let own = vec4f(share);
+  return codes.y * x;
 #endif
-  (*sums).stored += own;
-  (*sums).codes += own * x;
+}
+
+// What is interpolated counts as one fetch, of however many texels.
+fn densityAt(level: i32, cell: Cell) -> f32 {
+  fetches++;
+  let codes = u_codes(level * GROUPS);
+  let lower = densitiesOf(cell.lower);
+  let upper = densitiesOf(cell.upper);
+#ifdef EMPTY_DENSITY
+  let hasEmpty = vec4<bool>(codes.w < 0.0);
+  let none = vec4f(0.0);
+  let lowerShares = select(cell.lowerShares, none, hasEmpty & (lower == none));
+  let upperShares = select(cell.upperShares, none, hasEmpty & (upper == none));
+#else
+  let lowerShares = cell.lowerShares;
+  let upperShares = cell.upperShares;
+#endif
+  let stored = dot(lowerShares + upperShares, vec4f(1.0));
+  let sum = dot(lowerShares, densityTerms(lower - abs(codes.w), codes)) + dot(upperShares, densityTerms(upper - abs(codes.w), codes));
+  return codes.x * stored + sum + (1.0 - stored) * u_empty(level).x;
+}
+
+// What a code means beyond what is there where nothing is stored.
+fn beyond(code: vec4f, middle: vec4f, base: vec4f, step: vec4f, curve: vec4f) -> vec4f {
 #ifdef CURVES
-  (*sums).cubes += own * x * x * x;
+  let value = base + offsetOf(code - abs(middle), step, curve);
+#else
+  let value = base + step * (code - abs(middle));
+#endif
+#ifdef EMPTY_CODES
+  return select(value, vec4f(0.0), (code == vec4f(0.0)) & (middle < vec4f(0.0)));
+#else
+  return value;
 #endif
 }
 
 // Four channels of an atlas, of two groups at most: those where `isLast` holds are of the second, the others of the first.
-fn quadAt(atlas: texture_3d<f32>, quad: i32, found: Found, first: vec4f, last: vec4f, isLast: vec4<bool>, empty: vec4f) -> vec4f {
+fn quadAt(atlas: texture_3d<f32>, quad: i32, cell: Cell, first: vec4f, last: vec4f, isLast: vec4<bool>, empty: vec4f) -> vec4f {
   fetches++;
-  let middle = select(first.wwww, last.wwww, isLast);
-  var sums = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0));
   // Quadruples of all slots lie one behind the other.
   let behind = u32(quad * u_slotsDeep() * u_slot());
-  add(atlas, found.lower.x, behind, found.lowerShares.x, middle, &sums);
-  add(atlas, found.lower.y, behind, found.lowerShares.y, middle, &sums);
-  add(atlas, found.lower.z, behind, found.lowerShares.z, middle, &sums);
-  add(atlas, found.lower.w, behind, found.lowerShares.w, middle, &sums);
-  add(atlas, found.upper.x, behind, found.upperShares.x, middle, &sums);
-  add(atlas, found.upper.y, behind, found.upperShares.y, middle, &sums);
-  add(atlas, found.upper.z, behind, found.upperShares.z, middle, &sums);
-  add(atlas, found.upper.w, behind, found.upperShares.w, middle, &sums);
-  var value = select(first.xxxx, last.xxxx, isLast) * sums.stored + select(first.yyyy, last.yyyy, isLast) * sums.codes;
-#ifdef CURVES
-  value += select(first.zzzz, last.zzzz, isLast) * sums.cubes;
-#endif
-  return value + (1.0 - sums.stored) * empty;
+  let middle = select(first.wwww, last.wwww, isLast);
+  let base = select(first.xxxx, last.xxxx, isLast) - empty;
+  let step = select(first.yyyy, last.yyyy, isLast);
+  let curve = select(first.zzzz, last.zzzz, isLast);
+  return empty + cell.lowerShares.x * beyond(fetched(atlas, cell.lower.x, behind), middle, base, step, curve) +
+    cell.lowerShares.y * beyond(fetched(atlas, cell.lower.y, behind), middle, base, step, curve) +
+    cell.lowerShares.z * beyond(fetched(atlas, cell.lower.z, behind), middle, base, step, curve) +
+    cell.lowerShares.w * beyond(fetched(atlas, cell.lower.w, behind), middle, base, step, curve) +
+    cell.upperShares.x * beyond(fetched(atlas, cell.upper.x, behind), middle, base, step, curve) +
+    cell.upperShares.y * beyond(fetched(atlas, cell.upper.y, behind), middle, base, step, curve) +
+    cell.upperShares.z * beyond(fetched(atlas, cell.upper.z, behind), middle, base, step, curve) +
+    cell.upperShares.w * beyond(fetched(atlas, cell.upper.w, behind), middle, base, step, curve);
 }
 
 // The group of a channel of colour.
@@ -237,31 +257,46 @@ fn emptyColor(level: i32, group: i32) -> f32 {
   return select(u_empty(level).z, u_empty(level).y, group == 1);
 }
 
-fn colorAt(level: i32, found: Found, color: ptr<function, array<vec4f, QUADS>>) {
-  for (var quad = 0; quad < QUADS; quad++) {
-    // Channels behind the last are not used as colours.
-    let first = groupOf(4 * quad);
-    let last = min(groupOf(4 * quad + 3), LAST_COLOR);
-    let isLast = vec4i(first, groupOf(4 * quad + 1), groupOf(4 * quad + 2), last) == vec4i(last);
-    let empty = select(vec4f(emptyColor(level, first)), vec4f(emptyColor(level, last)), isLast);
-    (*color)[quad] = empty;
-    if (found.stored) { (*color)[quad] = quadAt(u_color, quad, found, u_codes(level * GROUPS + first), u_codes(level * GROUPS + last), isLast, empty); }
-  }
+#ifdef FUNCTIONS
+fn colorsOf(level: i32, quad: i32, stored: bool, cell: Cell) -> vec4f {
+  // Channels behind the last are not used as colours.
+  let first = groupOf(4 * quad);
+  let last = min(groupOf(4 * quad + 3), LAST_COLOR);
+  let isLast = vec4i(first, groupOf(4 * quad + 1), groupOf(4 * quad + 2), last) == vec4i(last);
+  let empty = select(vec4f(emptyColor(level, first)), vec4f(emptyColor(level, last)), isLast);
+  if (!stored) { return empty; }
+  return quadAt(u_color, quad, cell, u_codes(level * GROUPS + first), u_codes(level * GROUPS + last), isLast, empty);
+}
+#endif
+
+fn colorAt(level: i32, stored: bool, cell: Cell, color: ptr<function, array<vec4f, QUADS>>) {
+#ifdef FUNCTIONS
+  for (var quad = 0; quad < QUADS; quad++) { (*color)[quad] = colorsOf(level, quad, stored, cell); }
+#else
+  let empty = u_empty(level);
+  // Behind three channels of the first group.
+  let second = vec4<bool>(false, false, false, true);
+  let diffuse = u_codes(level * GROUPS + 1);
+  let features = u_codes(level * GROUPS + LAST_COLOR);
+  for (var quad = 0; quad < QUADS; quad++) { (*color)[quad] = select(empty.zzzz, empty.yyyz, quad == 0); }
+  if (!stored) { return; }
+  for (var quad = 0; quad < QUADS; quad++) { (*color)[quad] = quadAt(u_color, quad, cell, select(features, diffuse, quad == 0), features, second, (*color)[quad]); }
+#endif
 }
 
 #ifdef DIRECTIONAL
 // Four values that depend on the direction: see `field.glsl`.
-fn directionalAt(level: i32, quad: i32, found: Found, empty: vec4f) -> vec4f {
+fn directionalAt(level: i32, quad: i32, cell: Cell, empty: vec4f) -> vec4f {
 #if defined(ANISOTROPY) && defined(BRIGHTNESS)
   let isLast = vec4<bool>(false, quad == 1, quad == 1, quad == 1);
-  return quadAt(u_directional, quad, found, u_codes(level * GROUPS + ANISOTROPY), u_codes(level * GROUPS + BRIGHTNESS), isLast, empty);
+  return quadAt(u_directional, quad, cell, u_codes(level * GROUPS + ANISOTROPY), u_codes(level * GROUPS + BRIGHTNESS), isLast, empty);
 #else
 #ifdef ANISOTROPY
   let codes = u_codes(level * GROUPS + ANISOTROPY);
 #else
   let codes = u_codes(level * GROUPS + BRIGHTNESS);
 #endif
-  return quadAt(u_directional, quad, found, codes, codes, vec4<bool>(false), empty);
+  return quadAt(u_directional, quad, cell, codes, codes, vec4<bool>(false), empty);
 #endif
 }
 #endif

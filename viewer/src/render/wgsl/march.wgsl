@@ -192,20 +192,25 @@ fn marchRay(pixel: vec2f) -> Marched {
       let level = i32(lambda);
       let share = lambda - f32(level);
       let count = select(1, 2, share > 0.0);
-      var fine = nothingFound();
-      var coarse = fine;
+      var fine = false;
+      var coarse = false;
+      var seen = false;
+      // The cell of the finer one of two levels.
+      var fineCell: Cell;
       // What is shown of the finer and the coarser level.
       var fineLevel = level;
       var coarseLevel = level + 1;
+      var mixed = 0.0;
       for (var i = 0; i < count; i++) {
+        if (i == 1) { fineCell = located; }
         var shown = level + i;
-        var found = fine;
+        var stored = false;
         loop {
 #ifdef NESTED
           let part = partOf(shown);
-          found = locate(part, placeIn(boxOf(part), sampled));
+          stored = locate(part, placeIn(boxOf(part), sampled));
 #else
-          found = locate(shown, position);
+          stored = locate(shown, position);
 #endif
 #ifdef PARTIAL
           // What is not on the device is shown by the next coarser level that is.
@@ -217,39 +222,34 @@ fn marchRay(pixel: vec2f) -> Marched {
           break;
         }
         if (i == 0) {
-          fine = found;
+          fine = stored;
           fineLevel = shown;
         } else {
-          coarse = found;
+          coarse = stored;
           coarseLevel = shown;
         }
-      }
-#ifndef SHARED_DENSITY
-      if (!fine.stored && !coarse.stored) { continue; }
-#endif
-      var seen = false;
-      var mixed = 0.0;
-      for (var i = 0; i < count; i++) {
-        var dense = shownPart(select(coarseLevel, fineLevel, i == 0));
-        var found = fine;
-        if (i == 1) { found = coarse; }
+        var dense = shownPart(shown);
 #ifdef SHARED_DENSITY
         // A level without density has level 0's.
+        let own = located;
         if (u_levels(dense).y == 0) {
-          if (i == 1 && (level == 0 || u_levels(level).y == 0)) { break; }
+          if (i == 1 && (level == 0 || u_levels(level).y == 0)) { continue; }
           dense = 0;
-          found = locate(dense, position);
+          stored = locate(dense, position);
         }
 #endif
-        seen = seen || found.stored;
+        seen = seen || stored;
         var density = u_empty(dense).x;
 #ifdef ANISOTROPY
-        if (found.stored) { density = densityAlong(dense, found); }
+        if (stored) { density = densityAlong(dense, located); }
 #else
-        if (found.stored) { density = densityAt(dense, found); }
+        if (stored) { density = densityAt(dense, located); }
+#endif
+#ifdef SHARED_DENSITY
+        located = own;
 #endif
 #ifdef BLEND_AFTER
-        density = opticalDepth(density, u_levels(dense).z);
+        density = opticalDepth(density, decodeOf(dense));
 #ifdef NESTED
         density *= depthScale(dense);
 #endif
@@ -260,7 +260,7 @@ fn marchRay(pixel: vec2f) -> Marched {
 #ifdef BLEND_AFTER
       var optical = mixed;
 #else
-      var optical = opticalDepth(mixed, u_levels(level).z);
+      var optical = opticalDepth(mixed, decodeOf(level));
 #endif
       optical *= stands * intervalsOfStep;
       let alpha = opacity(optical);
@@ -271,19 +271,23 @@ fn marchRay(pixel: vec2f) -> Marched {
       reached += weight * t;
       levels += weight * lambda;
       if (weight > u_thresholds().y || !u_skips()) {
-        var color: array<vec4f, QUADS>;
-        for (var i = 0; i < count; i++) {
+        // What has no value here keeps that of the sample before in SwiftShader.
+        var color = array<vec4f, QUADS>();
+        // The coarser one first, whose cell was located last.
+        for (var i = count - 1; i >= 0; i--) {
+          if (count == 2 && i == 0) { located = fineCell; }
+          let part = select(select(share, 1.0 - share, i == 0), 1.0, count == 1);
+          let stored = select(coarse, fine, i == 0);
+          let shown = shownPart(select(coarseLevel, fineLevel, i == 0));
           var one: array<vec4f, QUADS>;
-          var found = fine;
-          if (i == 1) { found = coarse; }
-          colorAt(shownPart(select(coarseLevel, fineLevel, i == 0)), found, &one);
+          colorAt(shown, stored, located, &one);
 #ifdef BRIGHTNESS
-          one[0] += vec4f(vec3f(addedLogit(shownPart(select(coarseLevel, fineLevel, i == 0)), found)), 0.0);
+          one[0] += vec4f(vec3f(addedLogit(shown, stored, located)), 0.0);
 #endif
 #ifdef BLEND_AFTER
           activate(&one);
 #endif
-          for (var quad = 0; quad < QUADS; quad++) { color[quad] += (one[quad] - color[quad]) * select(share, 1.0, i == 0); }
+          for (var quad = 0; quad < QUADS; quad++) { color[quad] += part * one[quad]; }
         }
 #ifndef BLEND_AFTER
         activate(&color);

@@ -129,11 +129,11 @@ var<private> brightnessOdd: vec3f;
 #endif
 
 // A level's density along the ray.
-fn densityAlong(level: i32, found: Found) -> f32 {
-  let density = densityAt(level, found);
+fn densityAlong(level: i32, cell: Cell) -> f32 {
+  let density = densityAt(level, cell);
   if ((u_levels(level).w & 1) == 0) { return density; }
-  let low = directionalAt(level, 0, found, vec4f(0.0));
-  let high = directionalAt(level, 1, found, vec4f(0.0, vec3f(u_empty(level).w)));
+  let low = directionalAt(level, 0, cell, vec4f(0.0));
+  let high = directionalAt(level, 1, cell, vec4f(0.0, vec3f(u_empty(level).w)));
 #ifdef BRIGHTNESS
   if ((levelOfPart(level) & 1) == 1) {
     brightnessOdd = high.yzw;
@@ -150,16 +150,16 @@ fn densityAlong(level: i32, found: Found) -> f32 {
 var<private> along: vec3f;
 
 // What a level adds to its logits of diffuse colour along the ray.
-fn addedLogit(level: i32, found: Found) -> f32 {
+fn addedLogit(level: i32, stored: bool, cell: Cell) -> f32 {
   let has = u_levels(level).w;
   if ((has & 2) == 0) { return 0.0; }
   let empty = vec4f(u_empty(level).w);
-  if (!found.stored) { return dot(along, empty.xyz); }
+  if (!stored) { return dot(along, empty.xyz); }
 #ifdef ANISOTROPY
   if (has == 3) { return dot(along, select(brightnessEven, brightnessOdd, (levelOfPart(level) & 1) == 1)); }
-  return dot(along, directionalAt(level, 1, found, empty).yzw);
+  return dot(along, directionalAt(level, 1, cell, empty).yzw);
 #else
-  return dot(along, directionalAt(level, 0, found, empty).xyz);
+  return dot(along, directionalAt(level, 0, cell, empty).xyz);
 #endif
 }
 #endif

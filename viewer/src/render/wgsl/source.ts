@@ -3,7 +3,7 @@
 import { isNested } from "../../format/parts.js";
 import type { Opened } from "../../load/loader.js";
 import { networkSource, weighsByUniforms } from "../network.js";
-import { defines } from "../shader.js";
+import { defines, unrolled } from "../shader.js";
 import type { SAMPLERS } from "../textures.js";
 import { applyConditions } from "./conditions.js";
 import corner from "./corner.wgsl";
@@ -19,7 +19,7 @@ export const CORNER: string = corner;
 export function wgslSource(opened: Opened): string {
   const { metadata, plan, network } = opened;
   const parts = [field, networkSource(opened, "wgsl"), ...(isNested(metadata) ? [nested] : []), rays, march];
-  return applyConditions(parts.join("\n"), defines(metadata, plan, network, "wgsl"));
+  return applyConditions(unrolled(parts.join("\n"), plan.quads), defines(metadata, plan, network, "wgsl"));
 }
 
 /** Types of the textures that a field has, by name. */
