@@ -60,5 +60,6 @@ fn models_of_real_trainings_show_what_their_programs_show() {
     // What is left of a ray takes the colour of its last sample. Proposals move samples by float32.
     agrees("nerfacto", Family::Nerfacto, &plain, &["rgb"], MOST);
     agrees("ns_tensorf", Family::Tensorf, &plain, &["rgb"], 1.0);
+    agrees("torch_ngp_whole.pth", Family::TorchNgp, &plain, &both, MOST);
     agrees("torch_ngp.pth", Family::TorchNgp, &scaled(0.8), &both, MOST);
 }
