@@ -28,6 +28,7 @@ mod lazy;
 pub mod merf;
 #[doc(hidden)]
 pub mod nerfacto;
+mod nerfstudio;
 #[doc(hidden)]
 pub mod nested;
 #[doc(hidden)]

@@ -8,7 +8,7 @@ use super::source::Source;
 use super::tensor;
 use crate::base::error::Result;
 use crate::base::limits::Limits;
-use crate::nerfacto::newest_checkpoint;
+use crate::nerfstudio::newest_checkpoint;
 use crate::snerg::layout;
 
 /// Opens a trained model, whose type is detected from the content. Grids stay in the file until

@@ -10,7 +10,7 @@ use mipvog::container::Container;
 use mipvog::view::render::Renderer;
 use mipvog_inputs::tensor::{self, Value};
 use mipvog_inputs::{Family, SourceOptions, ViewChoice};
-use mipvog_inputs::{inspect, open_tensors};
+use mipvog_inputs::{inspect, open_tensors, open_with};
 
 /// Of 2000 rays two may be farther off than the limit: samples on one or the other side of a
 /// threshold, or of the first face.
@@ -46,15 +46,17 @@ fn tensorf_by_its_own_rules_agrees_with_another_program() {
 #[test]
 fn a_network_for_each_sample_agrees_with_another_program() {
     let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
-    nearly_agrees("dvgo_default.tar", &near, 1e-4);
     nearly_agrees("dvgo_tensorf_grid.tar", &near, 1e-4);
     // The network adds to colours of the grid.
     nearly_agrees("dvgo_residual.tar", &near, 1e-5);
-    let source = open("dvgo_default.tar", &near).expect("a model");
+    // `trained.rs` holds the pictures of the dense grid with a network against DirectVoxGO's own.
+    let dense = fixture("lego/dvgo.tar");
+    let open =
+        |options: &SourceOptions| open_with(&dense, options, &Limits::default()).expect("a model");
+    let source = open(&near);
     assert_eq!(source.family, Family::Dvgo);
     assert_eq!(source.field.harmonics().map(|rules| rules.degree), Some(2));
-    let plain = SourceOptions { view: ViewChoice::None, ..near };
-    let source = open("dvgo_default.tar", &plain).expect("a model");
+    let source = open(&SourceOptions { view: ViewChoice::None, ..near });
     assert!(source.model.is_none() && source.field.color_channels() == 3, "as it is stored");
 }
 
@@ -198,7 +200,7 @@ fn masks_of_models_are_listed() {
         let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect(name);
         assert_eq!(found.scene.expect("a scene").free_space, expected, "{name}");
     }
-    let path = fixture("grids/dvgo_default.tar");
+    let path = fixture("lego/dvgo.tar");
     let found = inspect(&path, &SourceOptions::default(), &Limits::default()).expect("a model");
     assert!(found.scene.expect("a scene").free_space.is_some());
 }

@@ -20,4 +20,5 @@ mod source;
 mod spheres;
 mod svraster;
 mod tensor;
+mod trained;
 mod worlds;

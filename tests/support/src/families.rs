@@ -27,7 +27,7 @@ pub fn models(here: &Path) -> Vec<(Family, PathBuf)> {
     vec![
         (Family::MipVog, fixture("trained/tiny/fine_last.tar")),
         (Family::Dvgo, fixture("trained/dvgo/flat.safetensors")),
-        (Family::Dvgo, grid("dvgo_default.tar")),
+        (Family::Dvgo, fixture("lego/dvgo.tar")),
         (Family::Dvgo, grid("dvgo_tensorf_grid.tar")),
         (Family::Plenoxels, grid("plenoxels_cubic.npz")),
         (Family::Plenoxels, written("lightning.npz", lightning().to_bytes())),

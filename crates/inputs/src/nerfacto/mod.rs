@@ -25,10 +25,8 @@ mod file;
 mod keys;
 mod model;
 mod open;
-mod run;
 mod settings;
 mod space;
 mod world;
 
 pub use open::{knows, open_tensors};
-pub use run::newest_checkpoint;

@@ -21,7 +21,7 @@
 //! field's mask of free space. Around the unit cube there are more boxes, whose nodes are empty outside
 //! of occupied cells.
 //!
-//! No snapshot of the real programs was tried yet, so a [`Source`](super::Source) of them carries a
+//! No snapshot of the real Instant-NGP was tried yet, so a [`Source`](super::Source) of one carries a
 //! warning.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]

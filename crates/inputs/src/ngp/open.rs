@@ -224,16 +224,23 @@ fn assumptions(
     degree: Option<usize>,
     cameras: &[[f64; 3]],
 ) -> Vec<Assumption> {
-    let experimental = Assumption {
+    let sampled = Assumption {
+        key: "resolution",
+        value: side.to_string(),
+        message: format!(
+            "the model has no grid: a bake samples it at {side} nodes along each axis (option \
+             resolution)"
+        ),
+    };
+    let experimental = (family == Family::InstantNgp).then(|| Assumption {
         key: "experimental",
         value: family.name().to_owned(),
         message: format!(
             "support for {} is experimental and was not tried with files of the real program: check \
-             pictures before you rely on a bake; the model has no grid, so a bake samples it at \
-             {side} nodes along each axis (option resolution)",
+             pictures before you rely on a bake",
             family.name()
         ),
-    };
+    });
     let fitted = degree.map(|degree| fit_assumption(degree, false, cameras));
-    [experimental].into_iter().chain(fitted).collect()
+    [sampled].into_iter().chain(experimental).chain(fitted).collect()
 }

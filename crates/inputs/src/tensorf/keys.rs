@@ -29,8 +29,8 @@ pub(super) struct Settings {
     pub(super) far: Option<f64>,
     /// Step length in voxels.
     pub(super) step_ratio: f64,
-    /// Rays are those of nerfstudio, not of TensoRF.
-    pub(super) two_passes: bool,
+    /// Rays are those of nerfstudio, not of TensoRF: the intervals of the first and second pass.
+    pub(super) two_passes: Option<[usize; 2]>,
 }
 
 /// The arrays of a model; nothing of them is read.
@@ -111,7 +111,7 @@ impl Settings {
             return Err(malformed("rayMarch_weight_thres", found, "a weight from 0 to below 1"));
         }
         let (distance_scale, step_ratio) = (positive("distance_scale")?, positive("step_ratio")?);
-        let ([near, far], two_passes) = (near_far, false);
+        let ([near, far], two_passes) = (near_far, None);
         let far = Some(far);
         Ok(Self {
             bounds,

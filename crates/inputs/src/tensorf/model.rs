@@ -145,7 +145,7 @@ impl Samples {
 
 impl Tensorf {
     /// The light along a ray by nerfstudio's rules.
-    fn in_two_passes(&self, ray: &Ray, rules: &RayRules) -> RayColor {
+    fn in_two_passes(&self, counts: [usize; 2], ray: &Ray, rules: &RayRules) -> RayColor {
         let (direction, bounds) = (unit_direction(ray), &self.settings.bounds);
         let origin = ray.origin.to_array();
         let corners = [bounds.min, bounds.max].map(|corner| corner.map(f64::from));
@@ -156,7 +156,7 @@ impl Tensorf {
             let world = point_at(origin, direction, t);
             (world, self.share(world))
         };
-        let ends = two_passes::intervals([enters, leaves], |t| {
+        let ends = two_passes::intervals(counts, [enters, leaves], |t| {
             let (world, share) = place(t);
             self.sigma(world, share, &mut scratch)
         });
@@ -206,8 +206,8 @@ impl TrainedModel for Tensorf {
     #[expect(clippy::cast_possible_truncation, reason = "samples are few")]
     fn ray_color(&self, ray: &Ray, rules: &RayRules, _: &dyn Progress) -> RayColor {
         let settings = &self.settings;
-        if settings.two_passes {
-            return self.in_two_passes(ray, rules);
+        if let Some(counts) = settings.two_passes {
+            return self.in_two_passes(counts, ray, rules);
         }
         let direction = unit_direction(ray);
         let step = settings.voxel_size() * settings.step_ratio;

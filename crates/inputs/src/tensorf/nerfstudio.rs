@@ -9,9 +9,10 @@
 //! | `mlp_head.layers.{0,1}`, `field_output_rgb.net` | | three layers |
 //!
 //! Density is cut at 0 after interpolation. Inputs of the network are encoded with two waves of
-//! `2 pi` and `8 pi`.
+//! `2 pi` and `8 pi`. The background and the numbers of samples are in the run's `config.yml`.
 
 use std::f64::consts::TAU;
+use std::path::Path;
 
 use super::keys::{Arrays, Settings, stacked_terms};
 use super::read::corners;
@@ -20,8 +21,9 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::factors::{FactorArrays, Mix, Terms};
 use crate::model::grid::Nodes;
+use crate::nerfstudio::{RunSettings, place};
 use crate::network::{Inputs, NetworkFile};
-use crate::source::Assumption;
+use crate::source::{Assumption, SideFile};
 use crate::tensor::{Tensor, TensorFile, Value};
 
 /// The names of the field start so.
@@ -30,6 +32,8 @@ const FIELD: &str = "_model.field.";
 const WAVES: u32 = 2;
 /// Step length of a bake in voxels.
 const STEP_RATIO: f64 = 0.5;
+/// Intervals of a pass, at most.
+const MOST_SAMPLES: usize = 1 << 14;
 
 fn entry<'a>(file: &'a TensorFile, name: &str) -> Option<&'a Value> {
     file.root.at(&["pipeline", &format!("{FIELD}{name}")])
@@ -88,7 +92,7 @@ pub(super) fn find(file: &TensorFile, limits: &Limits) -> Result<Arrays> {
         near: 0.0,
         far: None,
         step_ratio: STEP_RATIO,
-        two_passes: true,
+        two_passes: None,
     };
     let shading = ShadingFile::Network(network.with_waves(TAU, 4.0));
     Ok(Arrays { settings, density, features, shading, mask: None })
@@ -104,15 +108,97 @@ fn terms(file: &TensorFile, encoding: &str) -> Result<Terms> {
     stacked_terms(planes, lines, 0..count)
 }
 
-/// The warning about settings that stand in `config.yml` alone.
-pub(super) fn assumption() -> Assumption {
-    Assumption {
-        key: "config.yml",
-        value: "white, 200 and 50 samples".to_owned(),
-        message: "nerfstudio keeps the background, the numbers of samples and its own version in \
-                  config.yml, which is not read: assuming a white background, 200 and 50 samples, \
-                  and the network of version 1.1; option background sets the first. Cameras are \
+/// What a run states about its pictures.
+pub(super) struct Pictures {
+    /// Intervals of the first and of the second pass.
+    pub(super) passes: [usize; 2],
+    pub(super) background: [f32; 3],
+    pub(super) file: Option<SideFile>,
+    pub(super) assumptions: Vec<Assumption>,
+}
+
+/// Reads the settings of a checkpoint's run.
+///
+/// # Errors
+/// `Unsupported` for other methods, and for a background that has no colour unless `background` is
+/// one; `Malformed` for numbers that no training has.
+pub(super) fn pictures(
+    checkpoint: &Path,
+    background: Option<[f32; 3]>,
+    limits: &Limits,
+) -> Result<Pictures> {
+    pictures_of(RunSettings::of(checkpoint, limits)?, background)
+}
+
+fn pictures_of(mut run: RunSettings, background: Option<[f32; 3]>) -> Result<Pictures> {
+    let found = settings_of(&mut run, background);
+    let (passes, background) = found.map_err(|error| run.blame(error))?;
+    let (file, assumption) = run.told();
+    let version = Assumption {
+        key: "nerfstudio",
+        value: "1.1".to_owned(),
+        message: "nerfstudio does not store its version: assuming the network of 1.1. Cameras are \
                   those of the training, moved and scaled as dataparser_transforms.json says"
             .to_owned(),
+    };
+    let assumptions = assumption.into_iter().chain([version]).collect();
+    Ok(Pictures { passes, background, file, assumptions })
+}
+
+fn settings_of(
+    run: &mut RunSettings,
+    background: Option<[f32; 3]>,
+) -> Result<([usize; 2], [f32; 3])> {
+    run.refuse_others("TensoRFModel", "tensorf")?;
+    let even = run.count("num_uniform_samples", 200, MOST_SAMPLES)?;
+    let found = run.count("num_samples", 50, MOST_SAMPLES)?;
+    let key = "background_color";
+    let named = run.get(key, "white".to_owned(), "a name")?;
+    let color = match (background, named.as_str()) {
+        (Some(color), _) => color,
+        (None, "white") => [1.0; 3],
+        // Nothing is added to the pictures of a model that was trained over random colours.
+        (None, "black" | "random") => [0.0; 3],
+        (None, other) => {
+            let error = Error::unsupported(place(key), other, "white, black or random");
+            return Err(error.advise("set the colour with --background"));
+        }
+    };
+    Ok(([even, found], color))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pictures(lines: &str, background: Option<[f32; 3]>) -> Result<Pictures> {
+        let text = format!("pipeline:\n  model:\n    {lines}\n");
+        pictures_of(RunSettings::of_text(&text), background)
+    }
+
+    #[test]
+    fn settings_of_the_run_are_taken_and_missing_ones_told() {
+        let all = "num_samples: 30\n    num_uniform_samples: 80\n    background_color: black";
+        let found = pictures(all, None).expect("settings");
+        assert_eq!((found.passes, found.background), ([80, 30], [0.0; 3]));
+        assert!(found.assumptions.iter().all(|told| told.key != "config.yml"));
+        let found = pictures("num_samples: 30", None).expect("defaults");
+        assert_eq!((found.passes, found.background), ([200, 30], [1.0; 3]));
+        let told = &found.assumptions[0].message;
+        assert!(told.contains("num_uniform_samples 200") && !told.contains("num_samples 30"));
+    }
+
+    #[test]
+    fn settings_that_no_picture_has_are_refused() {
+        for line in [
+            "num_samples: 0",
+            "num_uniform_samples: 9999999",
+            "background_color: last_sample",
+            "_target: !!python/name:nerfstudio.models.nerfacto.NerfactoModel ''",
+        ] {
+            assert!(pictures(line, None).is_err(), "{line}");
+        }
+        let found = pictures("background_color: last_sample", Some([0.5; 3])).expect("a colour");
+        assert_eq!(found.background, [0.5; 3]);
     }
 }

@@ -39,17 +39,24 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         true => nerfstudio::find(file, limits)?,
         false => Arrays::find(file, limits)?,
     };
+    let pictures = match other {
+        true => Some(nerfstudio::pictures(file.file.path(), options.background, limits)?),
+        false => None,
+    };
     let settings = &mut arrays.settings;
+    settings.two_passes = pictures.as_ref().map(|run| run.passes);
     settings.step_ratio = options.stepsize.map_or(settings.step_ratio, f64::from);
     settings.threshold = options.color_threshold.map_or(settings.threshold, f64::from);
-    let scene = scene(settings, options);
+    let background = pictures.as_ref().map(|run| run.background);
+    let scene = scene(settings, background, options);
+    let (side_file, mut assumptions) =
+        pictures.map_or_else(Default::default, |run| (run.file, run.assumptions));
     // Colours of the model are limited at each sample; those of a network were fitted.
     let (stored, evaluation) = match arrays.shading {
         ShadingFile::Rgb => (None, Evaluation::Ray),
         ShadingFile::Harmonics => (Some(DEGREE), Evaluation::Sample),
         ShadingFile::Network(_) => (Some(Harmonics::MAX_DEGREE), Evaluation::Ray),
     };
-    let mut assumptions: Vec<_> = other.then(nerfstudio::assumption).into_iter().collect();
     let harmonics = stored.map(|most| {
         let degree = match options.view {
             ViewChoice::Keep => DEGREE,
@@ -102,13 +109,13 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         },
         digest: file.digest,
         file: Arc::clone(&file.file),
-        side_files: Vec::new(),
+        side_files: side_file.into_iter().collect(),
     })
 }
 
 /// The scene of the field.
 #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
-fn scene(settings: &Settings, options: &SourceOptions) -> Scene {
+fn scene(settings: &Settings, background: Option<[f32; 3]>, options: &SourceOptions) -> Scene {
     let voxel_size = settings.voxel_size();
     let interval = (settings.step_ratio * voxel_size * settings.distance_scale) as f32;
     let (near, far) = (settings.near as f32, settings.far.map(|far| far as f32));
@@ -129,6 +136,6 @@ fn scene(settings: &Settings, options: &SourceOptions) -> Scene {
             sampled: None,
             voxel: None,
         },
-        background: options.background.unwrap_or([1.0; 3]),
+        background: options.background.or(background).unwrap_or([1.0; 3]),
     }
 }

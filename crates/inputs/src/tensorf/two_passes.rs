@@ -6,10 +6,6 @@
 use crate::model::ray_march::{ZeroGuard, crossing};
 use crate::resample::resampled;
 
-/// Intervals of the first pass.
-const EVEN: usize = 200;
-/// Intervals of the second pass.
-const FOUND: usize = 50;
 /// Opacity of the first pass below which a ray meets nothing.
 const OPACITY: f64 = 1e-4;
 
@@ -21,15 +17,19 @@ pub(super) fn span(origin: [f64; 3], direction: [f64; 3], corners: [[f64; 3]; 2]
     [near, far.max(near + 1e-6)]
 }
 
-/// The ends of the intervals of the second pass; none for a ray that meets nothing. `density` is the
-/// optical depth of a unit at a distance.
-pub(super) fn intervals([near, far]: [f64; 2], mut density: impl FnMut(f64) -> f64) -> Vec<f64> {
-    let edge = |number: usize| number as f64 / EVEN as f64;
+/// The ends of the intervals of the second pass; none for a ray that meets nothing. Each pass has its
+/// number of intervals; `density` is the optical depth of a unit at a distance.
+pub(super) fn intervals(
+    [even, found]: [usize; 2],
+    [near, far]: [f64; 2],
+    mut density: impl FnMut(f64) -> f64,
+) -> Vec<f64> {
+    let edge = |number: usize| number as f64 / even as f64;
     let at = |share: f64| share * far + (1.0 - share) * near;
-    let width = (far - near) / EVEN as f64;
+    let width = (far - near) / even as f64;
     let (mut depth, mut opacity) = (0.0, 0.0);
-    let mut weights = Vec::with_capacity(EVEN);
-    for number in 0..EVEN {
+    let mut weights = Vec::with_capacity(even);
+    for number in 0..even {
         let own = width * density(at(0.5 * (edge(number) + edge(number + 1))));
         let weight = -libm::expm1(-own) * libm::exp(-depth);
         depth += own;
@@ -39,6 +39,6 @@ pub(super) fn intervals([near, far]: [f64; 2], mut density: impl FnMut(f64) -> f
     if opacity < OPACITY {
         return Vec::new();
     }
-    let edges: Vec<f64> = (0..=EVEN).map(edge).collect();
-    resampled(&edges, &weights, FOUND).into_iter().map(at).collect()
+    let edges: Vec<f64> = (0..=even).map(edge).collect();
+    resampled(&edges, &weights, found).into_iter().map(at).collect()
 }
