@@ -11,7 +11,7 @@ use super::compare::CompareReport;
 use super::container_report::ContainerReport;
 use super::detach::DetachReport;
 use super::error_report::ErrorReport;
-use super::export::ExportReport;
+use super::export_report::ExportReport;
 use super::inspect::AssetReport;
 use super::manifest::SceneResult;
 use super::probe::ProbeReport;
