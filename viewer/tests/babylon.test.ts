@@ -8,7 +8,8 @@ import type { Browser, Page } from "playwright-core";
 import { bakedScene, CountingServer, launch, newPage, openOther, pixels, program, psnr, ROOT, temporaryFolder, turntable } from "./support.js";
 import type { BabylonLook } from "./others/asked.js";
 
-const SIZE = 64;
+// Pixels are smaller than voxels, so that every step of a ray is one of level 0.
+const SIZE = 96;
 const folder = temporaryFolder();
 const at = (name: string) => join(folder.path, name);
 const server = new CountingServer();
