@@ -11,6 +11,7 @@ from typing import Any, Optional, TypedDict, Union
 # What the program reads as text: one value, or several.
 Words = Union[str, int, float, Sequence[Any], Mapping[str, Any]]
 PathName = Union[str, os.PathLike[str]]
+PathNames = Union[PathName, Sequence[PathName]]
 
 
 class BakeOptions(TypedDict, total=False):
@@ -153,7 +154,7 @@ class BakeOptions(TypedDict, total=False):
     """Memory limit, such as 500MB or 2GiB; a low limit is slower and gives the same output
     [default: unlimited]"""
 
-    merge: Optional[PathName]
+    merge: Optional[PathNames]
     """Add the scene of this file, at its place in the world; may be given several times. The grid
     of INPUT goes on as far as the other scenes reach."""
 

@@ -194,3 +194,29 @@ def test_an_input_without_permission_fails_its_scene_alone(tmp_path: Path, proxy
     assert "cannot read s3://closed/a.npz: the store gives no permission" in refused["error"]
     assert results["b.mipvog"]["status"] == "baked"
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["b.mipvog"]
+
+
+def test_scenes_of_a_store_are_merged_and_change_with_each_of_them(
+    tmp_path: Path, proxy: Proxy
+) -> None:
+    store.put(SMALL, "s3://scenes/in/a.npz")
+    store.put(SMALL, "s3://scenes/in/b.npz")
+    store.put(SMALL, "s3://scenes/in/more/c.npz")
+    options = {"stepsize": 0.5, "merge": ["b.npz", "more/c.npz"]}
+    (tmp_path / "scenes.jsonl").write_text(
+        json.dumps({"input": "a.npz", "output": "all.mipvog", "options": options}),
+        encoding="utf-8",
+    )
+    store.put(tmp_path / "scenes.jsonl", "s3://scenes/in/scenes.jsonl")
+    report = tmp_path / "report.jsonl"
+    arguments = ["s3://scenes/in/scenes.jsonl", "-o", "s3://scenes/out", "--report", str(report)]
+
+    def status() -> str:
+        assert main(arguments) == 0, report.read_text("utf-8")
+        return str(json.loads(report.read_text("utf-8"))["status"])
+
+    assert (status(), status()) == ("baked", "current")
+    changed = tmp_path / "c.npz"
+    changed.write_bytes((SMALL.parent / "flat_compressed.npz").read_bytes())
+    store.put(changed, "s3://scenes/in/more/c.npz")
+    assert status() != "current"

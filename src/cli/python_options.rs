@@ -27,6 +27,7 @@ from typing import Any, Optional, TypedDict, Union
 # What the program reads as text: one value, or several.
 Words = Union[str, int, float, Sequence[Any], Mapping[str, Any]]
 PathName = Union[str, os.PathLike[str]]
+PathNames = Union[PathName, Sequence[PathName]]
 
 
 class BakeOptions(TypedDict, total=False):
@@ -69,7 +70,8 @@ pub fn python_options() -> String {
         names.collect::<Vec<_>>().join(", ")
     };
     let is_output = |argument: &Arg| OUTPUTS.contains(&argument.get_id().as_str());
-    let is_input = |argument: &Arg| kind(argument) == "PathName" && !is_output(argument);
+    let is_path = |argument: &Arg| ["PathName", "PathNames"].contains(&kind(argument));
+    let is_input = |argument: &Arg| is_path(argument) && !is_output(argument);
     text += &format!("\n\n# Options that name files to read.\nINPUTS = ({})\n", listed(&is_input));
     text += &format!("# Options that name files to write.\nOUTPUTS = ({})\n", listed(&is_output));
     text
@@ -87,6 +89,7 @@ fn kind(argument: &Arg) -> &'static str {
     let whole = [&whole[..], &[TypeId::of::<usize>(), TypeId::of::<i32>()]].concat();
     let is_append = matches!(argument.get_action(), ArgAction::Append);
     match () {
+        () if is(&[TypeId::of::<PathBuf>()]) && is_append => "PathNames",
         () if is(&[TypeId::of::<PathBuf>(), TypeId::of::<MlpChoice>()]) => "PathName",
         () if several || is_append => "Words",
         () if is(&whole) => "int",

@@ -91,8 +91,8 @@ def _digest(job: Job, listings: notes.Listings) -> Optional[str]:
         if found is not None:
             states[name] = found
     for name, value in job.scene.options.items():
-        if _is_input(name, value):
-            path = store.below(job.folder, value)
+        for file in _inputs(name, value):
+            path = store.below(job.folder, file)
             # Files that are not in a store have no tags that all workers agree on.
             states[path] = listings.state(path) if store.is_remote(path) else None
     return notes.digest(program.version(job.program), job.scene.options, states)
@@ -199,14 +199,20 @@ def _beside(source: str) -> list[str]:
     return [f"{folder}/{name}" for name in names if name != own]
 
 
-def _is_input(name: str, value: Any) -> bool:
-    """True for an option that names a file to read."""
+def _inputs(name: str, value: Any) -> list[str]:
+    """The files to read that an option names, which is none for most options."""
     option = name.replace("-", "_")
     is_word = option == "mlp" and value in _WORDS
-    return option in INPUTS and isinstance(value, str) and not is_word
+    values = value if isinstance(value, (list, tuple)) else [value]
+    are_names = all(isinstance(one, str) for one in values)
+    return list(values) if option in INPUTS and are_names and not is_word else []
 
 
 def _staged_option(name: str, value: Any, job: Job, scratch: Path) -> Any:
-    if not _is_input(name, value):
+    files = [
+        str(_staged(store.below(job.folder, file), scratch / name / str(number)))
+        for number, file in enumerate(_inputs(name, value))
+    ]
+    if not files:
         return value
-    return str(_staged(store.below(job.folder, value), scratch / name))
+    return files if isinstance(value, (list, tuple)) else files[0]

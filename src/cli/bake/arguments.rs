@@ -66,7 +66,7 @@ pub struct Arguments {
     pub force: bool,
     /// Add the scene of this file, at its place in the world; may be given several times. The grid of
     /// INPUT goes on as far as the other scenes reach
-    #[arg(long, value_name = "FILE", conflicts_with = "manifest")]
+    #[arg(long, value_name = "FILE")]
     pub merge: Vec<PathBuf>,
     /// Set of options; explicit options override it
     #[arg(long, value_parser = by_name::<Preset>())]
