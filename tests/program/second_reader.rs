@@ -59,6 +59,22 @@ fn both_readers_decode_the_same_bits() {
     }
 }
 
+#[test]
+fn both_readers_read_a_thumbnail() {
+    let folder = folder();
+    let [container, unpacked] = ["t.mipvog", "t.safetensors"].map(|name| folder.path().join(name));
+    let status = Command::new(env!("CARGO_BIN_EXE_mipvog-bake"))
+        .args(["--quiet", "transcode", "--thumbnail", "16", "--output"])
+        .args([&container, &root().join("fixtures/baked/tiny.rate.mipvog")])
+        .status()
+        .expect("the program runs");
+    assert!(status.success());
+    unpack(&container, &unpacked);
+    reads(&[&container, "--compare".as_ref(), &unpacked], 0, "");
+    let broken = root().join("fixtures/broken/thumbnail.mipvog");
+    reads(&[&broken, "--compare".as_ref(), &unpacked], 2, "thmb is no PNG file");
+}
+
 /// A container of former versions, but for a rule that bends.
 fn bent(features: u64) -> Vec<u8> {
     let container = root().join("fixtures/frozen/0.1/dvgo.mask.mipvog");
