@@ -28,12 +28,12 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   const { container, asset } = bakedScene("lego");
   const cameras = join(LEGO, "transforms_test.json");
   const reference = join(folder.path, "lego64");
-  program("render", container, "--cameras", cameras, "--size", "128x128", "--frames", "0,1,2", "--scales", "1,4", "-o", reference);
+  program("render", container, "--cameras", cameras, "--size", "200x200", "--frames", "0,1,2", "--scales", "1,4", "-o", reference);
   const { page, problems } = await newPage(browser);
   await page.goto(server.page("lego64.mipvog", readFileSync(container)));
   await ready(page);
   const frames = JSON.parse(readFileSync(cameras, "utf8")).frames;
-  for (const [i, view] of views(cameras, 128).slice(0, 3).entries()) {
+  for (const [i, view] of views(cameras, 200).slice(0, 3).entries()) {
     const name = frames[i].file_path.split("/").pop();
     for (const [scale, least] of [
       [1, 40],
@@ -52,7 +52,7 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   // The asset that `bake --gltf` writes shows the field, not its mesh.
   await page.goto(server.page("lego64.glb", readFileSync(asset)));
   await ready(page);
-  const found = psnr(await capture(page, views(cameras, 128)[0]), await pixels(page, join(reference, "r_0.s1.png")));
+  const found = psnr(await capture(page, views(cameras, 200)[0]), await pixels(page, join(reference, "r_0.s1.png")));
   assert.ok(found >= 40, `the asset: ${found} dB`);
   assert.deepEqual(problems, []);
   await page.close();
