@@ -13,7 +13,7 @@ import * as viteMiddle from "vite-middle";
 import * as viteOldest from "vite-oldest";
 import type {} from "../src/element.js";
 import { withDraco, withKtx2, withMeshopt } from "./compressed.js";
-import { bakedScene, CountingServer, launch, newPage, openOther, psnr, ROOT, temporaryFolder } from "./support.js";
+import { CountingServer, launch, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
 
 /** Below `viewer/`, so that three.js and the frameworks are found there. */
 const USER = join(process.cwd(), "build", "user");
@@ -31,9 +31,7 @@ before(async () => {
   // What else it needs is installed already, so that nothing is fetched.
   npm(USER, "install", "--offline", "--legacy-peer-deps", "--no-audit", "--no-fund", `./${tarball}`);
   cpSync("examples", USER, { recursive: true });
-  const baked = bakedScene("tiny");
-  cpSync(baked.container, join(USER, "scene.mipvog"));
-  cpSync(baked.asset, join(USER, "scene.glb"));
+  program("bake", join(ROOT, "fixtures", "trained", "tiny", "fine_last.tar"), "-o", join(USER, "scene.mipvog"), "--gltf", join(USER, "scene.glb"));
   await server.start();
   browser = await launch();
 });
@@ -70,7 +68,7 @@ async function colors(page: Page): Promise<number> {
 }
 
 async function shows(folder: string, name: string, headers?: Record<string, string>): Promise<void> {
-  const { page, problems } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+  const { page, problems } = await newPage(browser, { width: 300, height: 200 });
   const asked: string[] = [];
   page.on("request", (request) => asked.push(new URL(request.url()).pathname));
   await showsAt(page, problems, `${await serve(page, folder, headers)}/${name}`, "error");
@@ -113,7 +111,7 @@ test("the package's files and types are what bundlers and Node.js look for", () 
 });
 
 test("the one script of the package needs no other file but the scene", async () => {
-  const { page, problems } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+  const { page, problems } = await newPage(browser, { width: 300, height: 200 });
   const asked: string[] = [];
   page.on("request", (request) => asked.push(new URL(request.url()).pathname));
   page.on("requestfailed", (request) => problems.push(`error: ${request.url()} ${request.failure()!.errorText}`));
@@ -142,7 +140,7 @@ for (const [release, { createServer }] of Object.entries({ 5: viteOldest, 7: vit
       const server = await createServer(options);
       try {
         await server.listen();
-        const { page, problems } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+        const { page, problems } = await newPage(browser, { width: 300, height: 200 });
         const { port } = server.httpServer!.address() as AddressInfo;
         // The browser tells of a worker that is not there before the text of it is taken.
         await showsAt(page, problems, `http://127.0.0.1:${port}/`, "page error");
@@ -170,17 +168,17 @@ test("a bundle of one script, without the worker beside it, shows the scene", as
   mkdirSync(root, { recursive: true });
   await esbuild.build({ entryPoints: [join(USER, "vite", "main.js")], bundle: true, format: "esm", outfile: join(root, "main.js"), logLevel: "error" });
   cpSync(join(USER, "vite", "index.html"), join(root, "index.html"));
-  const { page, problems } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+  const { page, problems } = await newPage(browser, { width: 300, height: 200 });
   await showsAt(page, problems, `${await serve(page, root)}/index.html`, "page error");
 });
 
 test("a page that requires trusted types names the package's, and one that does not is told to", async () => {
   const policy = (types: string) => ({ "Content-Security-Policy": `worker-src 'self'; require-trusted-types-for 'script'; trusted-types ${types}` });
-  const { page: named, problems } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+  const { page: named, problems } = await newPage(browser, { width: 300, height: 200 });
   await showsAt(named, problems, `${await serve(named, USER, policy("mipvog-viewer"))}/element.html`, "page error");
   // By the first try, which tells that the page requires them.
   assert.equal(problems.filter((problem) => problem.includes("TrustedScriptURL")).length, 1);
-  const { page } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+  const { page } = await newPage(browser, { width: 300, height: 200 });
   await page.goto(`${await serve(page, USER, policy("other"))}/element.html`);
   const message = page.locator("mipvog-viewer p");
   await message.waitFor();
@@ -241,7 +239,7 @@ test("the element of the package shows compressed assets, and says what it leave
   for (const [name, bytes] of Object.entries(assets)) {
     writeFileSync(join(USER, `${name}.glb`), bytes);
     writeFileSync(join(USER, `${name}.html`), element.replace("scene.mipvog", `${name}.glb`));
-    const { page } = await newPage(browser, { width: 300, height: 200 }, 1 / 2);
+    const { page } = await newPage(browser, { width: 300, height: 200 });
     await page.goto(`${await serve(page, USER)}/${name}.html`);
     await page.waitForFunction(() => document.querySelector("mipvog-viewer")?.stage?.scene.getObjectByName("floor"));
     const message = await page.evaluate(async () => {

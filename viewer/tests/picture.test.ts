@@ -29,8 +29,7 @@ test("a trained scene looks as the reference renderer draws it, near and far", a
   const cameras = join(LEGO, "transforms_test.json");
   const reference = join(folder.path, "lego64");
   program("render", container, "--cameras", cameras, "--size", "200x200", "--frames", "0,1,2", "--scales", "1,4", "-o", reference);
-  // With pixels smaller than voxels, rays read the level that has the most to skip.
-  const { page, problems } = await newPage(browser, { width: 400, height: 300 }, 1);
+  const { page, problems } = await newPage(browser);
   await page.goto(server.page("lego64.mipvog", readFileSync(container)));
   await ready(page);
   const frames = JSON.parse(readFileSync(cameras, "utf8")).frames;

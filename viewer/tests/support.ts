@@ -210,12 +210,9 @@ export async function launchWebGPU(): Promise<Browser> {
   return chromium.launch({ executablePath, args: ["--no-sandbox", "--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--enable-unsafe-swiftshader", ...QUIET] });
 }
 
-/**
- * A page that remembers what went wrong in it. Its pictures have fewer pixels than its size says, since rays take processors
- * long; what is laid out takes no notice of that.
- */
-export async function newPage(browser: Browser, size = { width: 400, height: 300 }, deviceScaleFactor = 1 / 4): Promise<{ page: Page; problems: string[] }> {
-  const page = await browser.newPage({ viewport: size, deviceScaleFactor });
+/** A page that remembers what went wrong in it. */
+export async function newPage(browser: Browser, size = { width: 400, height: 300 }): Promise<{ page: Page; problems: string[] }> {
+  const page = await browser.newPage({ viewport: size });
   page.setDefaultTimeout(120_000);
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));

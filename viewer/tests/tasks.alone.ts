@@ -63,7 +63,7 @@ async function longestTask(address: string): Promise<number> {
   // A browser that has drawn before has a device that is started.
   const browser = await launch();
   try {
-    const { page, problems } = await newPage(browser, { width: 640, height: 400 }, 1);
+    const { page, problems } = await newPage(browser, { width: 640, height: 400 });
     await page.addInitScript(() => {
       const found: number[] = ((window as unknown as { longTasks: number[] }).longTasks = []);
       new PerformanceObserver((list) => found.push(...list.getEntries().map(({ duration }) => duration))).observe({ type: "longtask", buffered: true });
