@@ -1,36 +1,32 @@
 //! `export`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 
-use super::cameras::{CameraArguments, CameraSource, check_memory};
+use super::cameras::{CameraArguments, check_memory};
 use super::common::Common;
 use super::export_report::ExportReport;
+use super::export_source::FieldRequest;
 use super::field::FieldArguments;
 use super::guess::input_path;
 use super::outcome::{Outcome, denied};
 use super::output::refuse_stdout;
 use super::progress::Bar;
 use super::scene::SceneArguments;
-use super::stdin;
 use super::values::parse_box;
-use crate::bake::{BakeOptions, Baker};
-use crate::base::bytes::{SourceFile, hex, sha256};
 use crate::base::error::{Error, ErrorKind, Result};
-use crate::base::limits::{LimitName, Limits};
+use crate::base::limits::LimitName;
 use crate::base::progress::Step;
 use crate::base::text::parse_bytes;
-use crate::container::Container;
 use crate::formats::{FORMATS, format_of, other_names};
 use crate::model::camera::Camera;
 use crate::model::grid::Bounds;
 use crate::view::{overview, panorama};
-use mipvog_inputs::{self, Family, tensor};
 use mipvog_outputs::export_files::ExportFiles;
-use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, UpAxis};
+use mipvog_outputs::format::{ExportFormat, ExportOptions, UpAxis};
 use mipvog_outputs::measure::export_errors;
 
 /// Pictures that look around inside a world, where no camera is given.
@@ -149,7 +145,15 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         (Step::Write, 0.3),
         (Step::Render, 1.0),
     ]);
-    let source = arguments.source(format, &options, common)?;
+    let camera_file = arguments.cameras.file();
+    let request = FieldRequest {
+        path: &arguments.field,
+        which: arguments.which,
+        nested_box: arguments.nested_box,
+        scene: &arguments.scene,
+        cameras: camera_file.as_ref(),
+    };
+    let (source, mut lost) = request.open(format, &options, common)?;
     let levels = source.field.levels();
     let expected = format!("a level below {levels}");
     Error::require_option(options.level < levels, "level", options.level, &expected)?;
@@ -160,10 +164,10 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     check_memory(&cameras, 1, &options.limits)?;
     options.cameras.clone_from(&cameras);
     format.check(&source, &options, &arguments.output)?;
-    let is_inner = arguments.has_shells(&options.limits)? && arguments.is_one_box(format);
     let mut files = ExportFiles::new(&arguments.output, arguments.force);
     let in_file = |error: Error| error.in_file(&arguments.field);
     let exported = format.write(&source, &options, &mut files, &bar).map_err(in_file)?;
+    lost.extend(exported.lost);
     let size = [format.side(); 2];
     let cameras = match cameras.is_empty() {
         true if source.world.is_some() => panorama(&source.field, VIEWS, size, &bar)?,
@@ -197,7 +201,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         picture_size: cameras.first().map_or(size, |Camera { lens, .. }| [lens.width, lens.height]),
         required_psnr: arguments.require_psnr,
         passed,
-        lost: lost_of(exported.lost, is_inner.then_some(arguments.nested_box.unwrap_or(0))),
+        lost,
         details: exported.details,
     };
     let output = arguments.output.display();
@@ -210,16 +214,6 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Ok(Outcome { failure, ..outcome })
 }
 
-/// What an export lacks; of nested boxes it shows the one of this number.
-fn lost_of(mut lost: Vec<String>, number: Option<usize>) -> Vec<String> {
-    match number {
-        None => {}
-        Some(0) => lost.insert(0, "the world around the innermost of the nested boxes".to_owned()),
-        Some(number) => lost.insert(0, format!("all nested boxes but number {number}")),
-    }
-    lost
-}
-
 /// The formats, with other names that are understood.
 fn format_names() -> Vec<PossibleValue> {
     let named = |format: &dyn ExportFormat| {
@@ -229,12 +223,6 @@ fn format_names() -> Vec<PossibleValue> {
 }
 
 impl Arguments {
-    /// True for a container of nested boxes.
-    fn has_shells(&self, limits: &Limits) -> Result<bool> {
-        let container = self.which.container(&self.field, limits)?;
-        Ok(container.is_some_and(|container| !container.metadata().shells.is_empty()))
-    }
-
     /// Refuses options that the format does not take.
     fn check_options(&self, format: &dyn ExportFormat) -> Result<()> {
         let given = [
@@ -280,104 +268,5 @@ impl Arguments {
             limits,
             ..ExportOptions::default()
         }
-    }
-
-    /// Opens the field, with rules for the cameras that are wanted.
-    fn source(
-        &self,
-        format: &dyn ExportFormat,
-        options: &ExportOptions,
-        common: &Common,
-    ) -> Result<ExportSource> {
-        self.which.check(&[&self.field])?;
-        let path = stdin::resolve(&self.field)?;
-        let file = SourceFile::open(&mipvog_inputs::file_of(&path))?;
-        let scene = self.scene_of_source(&options.limits)?;
-        let cameras = self.cameras.file();
-        let mut field = scene.open(&self.field, self.which, None, cameras.as_ref(), common)?;
-        if cameras.is_none() {
-            // These bounds are of the cameras that the scene was trained from. From elsewhere they
-            // would cut parts off.
-            let march = &mut field.view_mut().march;
-            (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
-        }
-        let boxes = field.view().boxes.len().max(1);
-        if let Some(number) = self.nested_box {
-            let expected = format!("a box below {boxes}");
-            Error::require_option(number < boxes, "box", number, &expected)?;
-            if format.takes_container() {
-                return Err(Error::usage(format!("--to {} holds all boxes", format.name())));
-            }
-        }
-        let mut world = None;
-        if boxes > 1 && !format.takes_container() {
-            let container = self.container_of_boxes(&options.limits)?;
-            if self.is_one_box(format) {
-                let one = container.read()?.one_box(self.nested_box.unwrap_or(0));
-                field = scene.open_baked(&one, None, &options.limits)?;
-            } else {
-                world = Some(container.metadata().clone());
-            }
-        }
-        if let Some(crop) = &self.crop {
-            field.crop(crop)?;
-        }
-        let name = Path::new(&self.field).file_name().unwrap_or_default();
-        let name = name.to_string_lossy().into_owned();
-        let container = match format.takes_container() {
-            true => Some(self.container(cameras.as_ref(), &options.limits)?),
-            false => None,
-        };
-        Ok(ExportSource { field, name, sha256: hex(&sha256(&file)?), path, world, container })
-    }
-
-    /// True if of nested boxes one is exported.
-    fn is_one_box(&self, format: &dyn ExportFormat) -> bool {
-        !format.holds_boxes() || self.nested_box.is_some()
-    }
-
-    /// The container of nested boxes, whose levels other formats take.
-    fn container_of_boxes(&self, limits: &Limits) -> Result<Container> {
-        self.which.container(&self.field, limits)?.ok_or_else(|| {
-            let message = "an export takes the boxes of a world from its container: bake the input \
-                           first, or add --drop-background";
-            Error::usage(message)
-        })
-    }
-
-    /// The settings that the field is opened with. The resolution is the export's alone, but for
-    /// models without nodes, whose nodes it places too.
-    fn scene_of_source(&self, limits: &Limits) -> Result<SceneArguments> {
-        let mut scene = self.scene.clone();
-        if scene.resolution.is_some() {
-            let is_baked = self.which.container(&self.field, limits)?.is_some();
-            let has_nodes = || {
-                let file =
-                    tensor::open(&mipvog_inputs::file_of(&stdin::resolve(&self.field)?), limits)?;
-                Result::Ok(!mipvog_inputs::family(&file).is_some_and(Family::is_sampled))
-            };
-            if is_baked || has_nodes()? {
-                scene.resolution = None;
-            }
-        }
-        Ok(scene)
-    }
-
-    /// The bytes of the container; a trained input is baked with default options.
-    fn container(&self, cameras: Option<&CameraSource>, limits: &Limits) -> Result<Vec<u8>> {
-        if let Some(container) = self.which.container(&self.field, limits)? {
-            let file = container.file();
-            return file.read_bounded(
-                0,
-                file.length(),
-                (LimitName::Memory, "bytes of a container"),
-                limits.memory,
-            );
-        }
-        let scene = self.scene_of_source(limits)?;
-        let options = scene.settings(&self.field, cameras, limits)?.options;
-        let source = mipvog_inputs::open_with(&stdin::resolve(&self.field)?, &options, limits)?;
-        let bake = BakeOptions { limits: limits.clone(), ..BakeOptions::default() };
-        Baker::new(bake).to_vec(&source)
     }
 }

@@ -138,6 +138,11 @@ impl SceneArguments {
             return Err(Error::usage("--filter belongs to trained inputs"));
         }
         self.check_container()?;
+        self.show(field, limits)
+    }
+
+    /// The same where settings of a model are at their place: the field was baked with them.
+    pub(super) fn show(&self, field: &BakedField, limits: &Limits) -> Result<Renderer> {
         let mut renderer = Renderer::baked(field, limits)?;
         self.override_container(&mut renderer);
         if let Some(stepsize) = self.stepsize {

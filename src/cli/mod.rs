@@ -18,6 +18,7 @@ mod document;
 mod error_report;
 mod export;
 mod export_report;
+mod export_source;
 mod failure;
 mod field;
 mod file_names;

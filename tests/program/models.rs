@@ -82,6 +82,21 @@ fn verbs_take_a_folder_of_merf() {
     let levels = report["levels"].as_array().expect("levels");
     assert!(levels.windows(2).all(|pair| reach(&pair[0]) <= reach(&pair[1])));
     assert!(reach(&levels[0]) < reach(&report), "{}", report["bounds"]);
+    // Other formats take the boxes of its container, which is baked first if there is none.
+    for name in ["box.vdb", "splats.spz"] {
+        let exported = |input: &str| {
+            let line = ["export", input, "-o", name, "--force", "--format", "json"];
+            let output = run(&line);
+            let text = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{input} to {name}: {text}");
+            serde_json::from_slice::<serde_json::Value>(&output.stdout).expect("JSON")
+        };
+        let (first, second) = (exported("assets"), exported("whole.mipvog"));
+        assert_eq!(first["psnr"], second["psnr"], "{name}");
+        let lost = |report: &serde_json::Value| report["lost"].as_array().expect("a list").len();
+        assert_eq!(lost(&first), lost(&second) + 1, "{name}: {}", first["lost"]);
+        assert!(first["lost"][0].as_str().expect("text").contains("a bake with default options"));
+    }
 }
 
 #[test]

@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub enum Step {
     /// Finding the views that see each part of a scene, to which colours are fitted.
     Views,
+    /// Asking a network for the colours of a scene.
+    Colors,
     /// Finding the visible nodes of every level.
     Prune,
     /// Finding the parts that cameras see, camera by camera.
@@ -36,6 +38,7 @@ impl Step {
     pub fn name(self) -> &'static str {
         match self {
             Self::Views => "find views",
+            Self::Colors => "ask the network",
             Self::Prune => "prune",
             Self::Cover => "look from the cameras",
             Self::Targets => "reference pictures",

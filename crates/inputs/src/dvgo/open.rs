@@ -10,7 +10,7 @@ use crate::base::limits::Limits;
 use crate::checkpoint::{self, Inner, NamedValues, StoredGrid};
 use crate::model::field::{ColorDomain, Grid, RadianceField};
 use crate::model::view_dependence::ViewDependence;
-use crate::network::{FittedColors, StoredFeatures, fit_assumption};
+use crate::network::{FittedColors, ProjectedColors, StoredFeatures, fit_assumption};
 use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Family, Source};
 use crate::tensor::{Tensor, TensorFile};
@@ -73,7 +73,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let geometry = RadianceField { color: Vec::new(), ..field.clone() };
     let (features, cameras) = (color.clone().into_grid(), &options.cameras);
     let features = StoredFeatures::new(features, network.clone(), limits);
-    let colors = FittedColors::new(features, harmonics, geometry, cameras, limits);
+    let nodal = FittedColors::new(features, harmonics, geometry, cameras, limits);
+    let colors = ProjectedColors::new(nodal);
     let model = Arc::new(DvgoFile { field, density, color, network, inner });
     source.field.color = vec![Grid::Values(Arc::new(colors))];
     source.field.color_domain = ColorDomain::Linear;

@@ -107,6 +107,11 @@ impl CellViews {
         self.seen.cell(node)
     }
 
+    /// True for a cell that hardly any view sees.
+    pub(super) fn is_hidden(&self, cell: [usize; 3]) -> bool {
+        self.inner.is_none() && self.seen.views(cell).len() < LEAST
+    }
+
     /// Unit directions into the scene along which the middle of a cell is seen.
     pub fn directions(&self, cell: [usize; 3]) -> Vec<[f64; 3]> {
         let (middle, mut seen, mut most) =

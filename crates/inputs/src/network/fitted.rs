@@ -26,7 +26,7 @@ const AT_ONCE: u64 = 8;
 /// Red, green and blue along directions.
 pub type Colors = [Vec<f64>; 3];
 
-/// Finds a node's colours along directions.
+/// Finds the colours of a node or a point along directions.
 pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
 
 /// Sees a node `(y, z)` of a plane.
@@ -77,35 +77,43 @@ pub trait NodeColors: Debug + Send + Sync {
 /// The harmonics of colours.
 #[derive(Debug)]
 pub struct FittedColors<N: NodeColors> {
-    colors: N,
+    pub(super) colors: N,
     /// The rules of the harmonics.
     harmonics: Harmonics,
     /// True for band 0 alone, as colours.
     is_plain: bool,
     /// The field that hides nodes from views.
-    geometry: RadianceField,
+    pub(super) geometry: RadianceField,
     views: Views,
     /// The space of cameras, where the field is what they see around them.
     inner: Option<Bounds>,
-    limits: Limits,
+    pub(super) limits: Limits,
     prepared: Lazy<Prepared<N::Network>>,
-    visible: VisibleNodes,
-    planes: PlaneCache,
+    pub(super) visible: VisibleNodes,
+    pub(super) planes: PlaneCache,
 }
 
 /// All that nodes have in common.
 #[derive(Debug)]
-struct Prepared<Network> {
-    network: Arc<Network>,
-    cells: CellViews,
+pub(super) struct Prepared<Network> {
+    pub(super) network: Arc<Network>,
+    pub(super) cells: CellViews,
 }
 
 /// All that the nodes of a cell have in common.
-struct Cell<Along> {
+#[derive(Debug)]
+pub(super) struct Cell<Along> {
     at: [usize; 3],
     fit: Fit,
-    along: Along,
+    pub(super) along: Along,
 }
+
+/// The cells of a row of nodes: nodes come row by row.
+#[derive(Debug)]
+pub(super) struct RowCells<Along>(Vec<Cell<Along>>);
+
+/// All channels of a node; those beyond its own are 0.
+pub(super) type Channels = [f32; 3 * FUNCTIONS];
 
 impl<N: NodeColors> FittedColors<N> {
     /// Harmonics for colours that are seen from `cameras`, or from all around if they are few.
@@ -147,7 +155,7 @@ impl<N: NodeColors> FittedColors<N> {
         Self { views, inner: Some(inner), ..self }
     }
 
-    fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
+    pub(super) fn prepared(&self, progress: &dyn Progress) -> Result<Arc<Prepared<N::Network>>> {
         self.prepared.get(|| {
             let Self { colors, harmonics, geometry, views, limits, .. } = self;
             let network = colors.load(progress)?;
@@ -162,56 +170,77 @@ impl<N: NodeColors> FittedColors<N> {
     }
 
     /// The fit of a cell's nodes.
-    fn cell(&self, prepared: &Prepared<N::Network>, at: [usize; 3]) -> Cell<N::Along> {
+    pub(super) fn cell(&self, prepared: &Prepared<N::Network>, at: [usize; 3]) -> Cell<N::Along> {
         let directions = prepared.cells.directions(at);
         let fit = Fit::new(&directions, self.harmonics.functions());
         Cell { at, fit, along: self.colors.along(&prepared.network, &directions) }
     }
 
-    /// All channels of the nodes of plane `x` in a region, channel by channel.
+    /// The channels of a place whose colours are those along the directions of its cell.
     #[expect(clippy::cast_possible_truncation, reason = "coefficients are float32")]
-    fn fill(&self, x: usize, region: &[u64], values: &mut [f32]) -> Result<()> {
+    pub(super) fn channels_of(&self, cell: &Cell<N::Along>, colors: &mut Colors) -> Channels {
+        let offset = f64::from(self.harmonics.offset);
+        colors.iter_mut().flatten().for_each(|value| *value -= offset);
+        let found = cell.fit.coefficients(colors).map(|value| value as f32);
+        let mut channels = [0.0; 3 * FUNCTIONS];
+        channels.iter_mut().zip(found).for_each(|(value, found)| *value = found);
+        if self.is_plain {
+            let mut color = [0.0; 3 * FUNCTIONS];
+            let found = self.harmonics.color(&[BAND_0; FUNCTIONS], &channels);
+            color.iter_mut().zip(found).for_each(|(value, found)| *value = found);
+            return color;
+        }
+        channels
+    }
+
+    /// All channels of the nodes of plane `x` in a region, channel by channel.
+    pub(super) fn fill(&self, x: usize, region: &[u64], values: &mut [f32]) -> Result<()> {
         let prepared = self.prepared(&Silent)?;
         let Nodes([_, ny, nz]) = self.nodes();
-        let offset = f64::from(self.harmonics.offset);
         let visible = self.visible.within(&self.geometry, x, region)?;
         let black = if self.is_plain { 0.0 } else { -self.harmonics.offset / BAND_0 };
         visit(self.nodes(), &without(region, &visible), |[y, z]| {
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
             out.take(3).for_each(|value| *value = black);
         });
-        // Nodes come row by row: the cells of one row are in use at a time.
-        let mut cells: Vec<Cell<N::Along>> = Vec::new();
-        let mut colors = [(); 3].map(|()| Vec::new());
+        let mut cells = RowCells::default();
+        let mut colors = Colors::default();
         self.colors.visit(&prepared.network, x, &visible, &mut |[y, z], find| {
             let at = prepared.cells.cell([x, y, z]);
-            if cells.first().is_some_and(|cell| cell.at[1] != at[1]) {
-                cells.clear();
-            }
-            let known = cells.iter().position(|cell| cell.at == at);
-            let known = known.unwrap_or_else(|| {
-                cells.push(self.cell(&prepared, at));
-                cells.len() - 1
-            });
-            let Some(cell) = cells.get(known) else { return };
+            let Some(cell) = cells.at(at, || self.cell(&prepared, at)) else { return };
             find(&cell.along, &mut colors);
-            colors.iter_mut().flatten().for_each(|value| *value -= offset);
             let out = values.iter_mut().skip(y * nz + z).step_by(ny * nz);
-            let found = cell.fit.coefficients(&colors).map(|value| value as f32);
-            if self.is_plain {
-                let mut band_0 = [0.0; 3];
-                band_0.iter_mut().zip(found).for_each(|(value, found)| *value = found);
-                let color = self.harmonics.color(&[BAND_0; FUNCTIONS], &band_0);
-                out.zip(color).for_each(|(out, value)| *out = value);
-            } else {
-                out.zip(found).for_each(|(out, value)| *out = value);
-            }
+            out.zip(self.channels_of(cell, &mut colors)).for_each(|(out, value)| *out = value);
         })
     }
 }
 
+impl<Along> Default for RowCells<Along> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<Along> RowCells<Along> {
+    /// The cell at a place, which is made once a row.
+    pub(super) fn at(
+        &mut self,
+        at: [usize; 3],
+        make: impl FnOnce() -> Cell<Along>,
+    ) -> Option<&Cell<Along>> {
+        if self.0.first().is_some_and(|cell| cell.at[1] != at[1]) {
+            self.0.clear();
+        }
+        let known = self.0.iter().position(|cell| cell.at == at).unwrap_or_else(|| {
+            self.0.push(make());
+            self.0.len() - 1
+        });
+        self.0.get(known)
+    }
+}
+
 /// The bits of a set that are not in another one.
-fn without(set: &[u64], other: &[u64]) -> Vec<u64> {
+pub(super) fn without(set: &[u64], other: &[u64]) -> Vec<u64> {
     set.iter().zip(other).map(|(set, other)| set & !other).collect()
 }
 

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use super::batch::{Batch, BatchNetwork, Scratch};
 use super::fitted::{NodeColors, OnNode};
+use super::node_set::{corner_shares, corners};
 use super::planes::visit;
+use super::projected::{OnPoint, PointColors};
 use super::run::{Network, NetworkFile};
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
@@ -109,6 +111,45 @@ impl NodeColors for StoredFeatures {
             on_node([y, z], &mut |batch, colors| {
                 batches.colors(network, batch, &features, at, &mut scratch, colors);
             });
+        });
+        Ok(())
+    }
+}
+
+impl PointColors for StoredFeatures {
+    fn visit_points(
+        &self,
+        (network, batches): &Self::Network,
+        x: usize,
+        cells: &[u64],
+        offsets: &[[f64; 3]],
+        on_point: OnPoint<'_, Batch>,
+    ) -> Result<()> {
+        let Nodes([nx, ny, nz]) = self.features.nodes();
+        let region = corners(self.nodes(), cells);
+        let planes = [self.plane(x, &region)?, self.plane(x + 1, &region)?];
+        let (mut features, mut scratch) = (Vec::new(), Scratch::default());
+        let place = |at: f64, count: usize| 2.0 * at / (count - 1) as f64 - 1.0;
+        visit(self.nodes(), cells, |[y, z]| {
+            for (number, &[by_x, by_y, by_z]) in offsets.iter().enumerate() {
+                on_point([y, z], number, &mut |batch, colors| {
+                    features.clear();
+                    features.resize(self.features.channels(), 0.0);
+                    for (corner, share) in corner_shares([by_x, by_y, by_z]).iter().enumerate() {
+                        let node = (y + (corner >> 1 & 1)) * nz + z + (corner & 1);
+                        let plane = planes.get(corner >> 2).map_or(&[][..], Vec::as_slice);
+                        let own = plane.iter().skip(node).step_by(ny * nz);
+                        let sums = features.iter_mut().zip(own);
+                        sums.for_each(|(sum, value)| *sum += share * f64::from(*value));
+                    }
+                    let at = [
+                        place(x as f64 + by_x, nx),
+                        place(y as f64 + by_y, ny),
+                        place(z as f64 + by_z, nz),
+                    ];
+                    batches.colors(network, batch, &features, at, &mut scratch, colors);
+                });
+            }
         });
         Ok(())
     }

@@ -13,7 +13,7 @@ use crate::factors::FactorGrid;
 use crate::model::field::{Activation, ColorDomain, Grid, March, NodeValues, RadianceField, Scene};
 use crate::model::harmonics::{Clamp, Evaluation, Harmonics};
 use crate::model::view_dependence::ViewDependence;
-use crate::network::{FittedColors, StoredFeatures, fit_assumption};
+use crate::network::{FittedColors, ProjectedColors, StoredFeatures, fit_assumption};
 use crate::options::{SourceOptions, ViewChoice};
 use crate::source::{Family, Source};
 use crate::tensor::TensorFile;
@@ -88,7 +88,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             let features = Grid::Values(Arc::new(FactorGrid::new(features, channels, limits)));
             let features = StoredFeatures::new(features, network.clone(), limits);
             let fitted = FittedColors::new(features, rules, geometry, &options.cameras, limits);
-            Arc::new(if plain { fitted.plain() } else { fitted })
+            Arc::new(ProjectedColors::new(if plain { fitted.plain() } else { fitted }))
         }
         _ => Arc::new(ColorValues::new(&arrays, harmonics, plain, limits)),
     };

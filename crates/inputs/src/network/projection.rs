@@ -1,0 +1,213 @@
+//! Values at nodes whose interpolation comes closest to values at points between them.
+//!
+//! ```text
+//! minimise  sum over points p of v(p) |sum of h_i(p) c_i - t(p)|^2
+//!           + RIDGE sum over nodes i of W_i |c_i - m_i|^2
+//!
+//! h_i(p) = share of node i in the interpolation at p      v(p) = weight of the point
+//! W_i    = sum of v(p) h_i(p)                             m_i  = sum of v(p) h_i(p) t(p) / W_i
+//! ```
+//!
+//! The matrix has 27 columns a node, the same for all channels. A few steps of conjugate gradients,
+//! preconditioned by `W`, lead from the means `m` to nearly all of the gain.
+
+use super::node_set::NodeSet;
+use crate::base::error::{Place, Result};
+use crate::base::limits::{Budget, Limits};
+use crate::base::parallel;
+use crate::model::grid::Nodes;
+
+/// Nodes around a node, and itself.
+const AROUND: usize = 27;
+/// Weight of the way to the mean of a node's points.
+const RIDGE: f64 = 1e-2;
+/// Steps of conjugate gradients.
+const STEPS: usize = 6;
+/// Marks neighbours that are not in the set.
+const NONE: u32 = u32::MAX;
+
+/// Sums over the points of the cells between two planes, for the nodes of both.
+#[derive(Debug)]
+pub(super) struct Slab {
+    /// The number of the first node.
+    start: usize,
+    matrix: Vec<[f32; AROUND]>,
+    /// All channels of a node, then those of the next one.
+    sums: Vec<f32>,
+    channels: usize,
+}
+
+impl Slab {
+    /// Of the cells between planes `x` and `x + 1`, without points.
+    pub(super) fn new(set: &NodeSet, x: usize, channels: usize) -> Self {
+        let (start, end) = (set.start(x), set.start(x + 2));
+        let matrix = vec![[0.0; AROUND]; end - start];
+        Self { start, sums: vec![0.0; (end - start) * channels], matrix, channels }
+    }
+
+    /// Adds a point of a cell: the numbers of the corners, their shares, its weight and its values.
+    pub(super) fn add(
+        &mut self,
+        corners: &[usize; 8],
+        shares: &[f32; 8],
+        weight: f32,
+        values: impl Iterator<Item = f32> + Clone,
+    ) {
+        for ((number, share), corner) in corners.iter().zip(shares).zip(0..8usize) {
+            let by = weight * share;
+            let at = number - self.start;
+            let Some(row) = self.matrix.get_mut(at) else { continue };
+            for (other, of_other) in shares.iter().enumerate() {
+                if let Some(sum) = row.get_mut(column(corner, other)) {
+                    *sum += by * of_other;
+                }
+            }
+            let sums = self.sums.iter_mut().skip(at * self.channels).take(self.channels);
+            sums.zip(values.clone()).for_each(|(sum, value)| *sum += by * value);
+        }
+    }
+}
+
+/// The column of corner `other` of a cell in the row of corner `own`: x, y and z of a corner are its
+/// bits, from the highest one.
+fn column(own: usize, other: usize) -> usize {
+    (0..3).fold(0, |column, axis| {
+        let bit = |corner: usize| corner >> (2 - axis) & 1;
+        3 * column + 1 + bit(other) - bit(own)
+    })
+}
+
+/// The equations of all nodes of a set.
+#[derive(Debug)]
+pub(super) struct Equations {
+    matrix: Vec<[f32; AROUND]>,
+    neighbours: Vec<[u32; AROUND]>,
+    /// Channel by channel.
+    sums: Vec<f32>,
+    channels: usize,
+}
+
+impl Equations {
+    /// Bytes for a node at most, with the vectors of a channel on each of a few threads.
+    pub(super) const fn bytes_of_node(channels: usize) -> u64 {
+        (8 * AROUND + 4 * channels + 5 * 8 * 2) as u64
+    }
+
+    /// The equations of a set, without points.
+    ///
+    /// # Errors
+    /// More memory than the limits allow.
+    pub(super) fn new(
+        set: &NodeSet,
+        nodes: Nodes,
+        channels: usize,
+        limits: &Limits,
+    ) -> Result<Self> {
+        let mut budget = Budget::new(limits);
+        let (what, place) = ("bytes of a fit between nodes", Place::Key("colours".to_owned()));
+        let count = set.count();
+        let mut neighbours: Vec<[u32; AROUND]> = budget.zeroed(count, what, &place)?;
+        let Nodes([nx, _, _]) = nodes;
+        for x in 0..nx {
+            let mut own = neighbours.iter_mut().skip(set.start(x));
+            set.visit(x, |[y, z]| {
+                let Some(own) = own.next() else { return };
+                for (column, neighbour) in own.iter_mut().enumerate() {
+                    let moved = |at: usize, by: usize| (at + by % 3).checked_sub(1);
+                    let at = (moved(x, column / 9), moved(y, column / 3), moved(z, column));
+                    let number = match at {
+                        (Some(x), Some(y), Some(z)) => set.number([x, y, z]),
+                        _ => None,
+                    };
+                    *neighbour = number.and_then(|at| u32::try_from(at).ok()).unwrap_or(NONE);
+                }
+            });
+        }
+        Ok(Self {
+            matrix: budget.zeroed(count, what, &place)?,
+            neighbours,
+            sums: budget.zeroed(count * channels, what, &place)?,
+            channels,
+        })
+    }
+
+    /// Adds the sums of a slab.
+    pub(super) fn add(&mut self, slab: &Slab) {
+        let rows = self.matrix.iter_mut().skip(slab.start).zip(&slab.matrix);
+        rows.for_each(|(row, own)| row.iter_mut().zip(own).for_each(|(sum, own)| *sum += own));
+        let count = self.matrix.len();
+        for (channel, sums) in self.sums.chunks_exact_mut(count.max(1)).enumerate() {
+            let own = slab.sums.iter().skip(channel).step_by(slab.channels);
+            sums.iter_mut().skip(slab.start).zip(own).for_each(|(sum, own)| *sum += own);
+        }
+    }
+
+    /// The values of each channel, nodes in order; and whether a node has points, without which its
+    /// values are 0.
+    ///
+    /// # Errors
+    /// None of its own.
+    pub(super) fn solve(mut self) -> Result<(Vec<f32>, Vec<bool>)> {
+        let weights: Vec<f64> =
+            self.matrix.iter().map(|row| row.iter().copied().map(f64::from).sum()).collect();
+        let count = weights.len();
+        let mut sums = std::mem::take(&mut self.sums);
+        let mut channels: Vec<&mut [f32]> = sums.chunks_exact_mut(count.max(1)).collect();
+        parallel::map_mut(&mut channels, |_, values| {
+            self.solve_channel(&weights, values);
+            Ok(())
+        })?;
+        debug_assert_eq!(sums.len(), count * self.channels);
+        Ok((sums, weights.iter().map(|weight| *weight > 0.0).collect()))
+    }
+
+    /// Puts the values of a channel in place of its sums.
+    #[expect(clippy::cast_possible_truncation, reason = "values are float32")]
+    fn solve_channel(&self, weights: &[f64], values: &mut [f32]) {
+        let divided = |by: f64, weight: f64| if weight > 0.0 { by / weight } else { 0.0 };
+        let pairs = values.iter().zip(weights);
+        let mut found: Vec<f64> =
+            pairs.map(|(&sum, &weight)| divided(sum.into(), weight)).collect();
+        let mut product = vec![0.0; found.len()];
+        self.multiply(weights, &found, &mut product);
+        // The ridge pulls towards the means, where the search begins.
+        let mut rest: Vec<f64> = (values.iter().zip(weights).zip(&found).zip(&product))
+            .map(|(((&sum, weight), mean), product)| {
+                f64::from(sum) + RIDGE * weight * mean - product
+            })
+            .collect();
+        let scaled = |rest: &[f64]| -> Vec<f64> {
+            rest.iter().zip(weights).map(|(&rest, &weight)| divided(rest, weight)).collect()
+        };
+        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        let mut along = scaled(&rest);
+        let mut length = dot(&rest, &along);
+        for _ in 0..STEPS {
+            self.multiply(weights, &along, &mut product);
+            let curvature = dot(&along, &product);
+            if curvature.is_nan() || curvature <= 0.0 || length <= 0.0 {
+                break;
+            }
+            let by = length / curvature;
+            found.iter_mut().zip(&along).for_each(|(found, along)| *found += by * along);
+            rest.iter_mut().zip(&product).for_each(|(rest, product)| *rest -= by * product);
+            let next = scaled(&rest);
+            let (before, now) = (length, dot(&rest, &next));
+            let kept = now / before;
+            along.iter_mut().zip(next).for_each(|(along, next)| *along = next + kept * *along);
+            length = now;
+        }
+        values.iter_mut().zip(found).for_each(|(value, found)| *value = found as f32);
+    }
+
+    /// The matrix with its ridge, times a vector.
+    fn multiply(&self, weights: &[f64], vector: &[f64], out: &mut [f64]) {
+        let rows = self.matrix.iter().zip(&self.neighbours).zip(weights).zip(vector);
+        for (out, (((row, neighbours), weight), own)) in out.iter_mut().zip(rows) {
+            let terms = row.iter().zip(neighbours).map(|(&factor, &number)| {
+                f64::from(factor) * vector.get(number as usize).copied().unwrap_or(0.0)
+            });
+            *out = terms.sum::<f64>() + RIDGE * weight * own;
+        }
+    }
+}
