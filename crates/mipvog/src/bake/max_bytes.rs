@@ -1,9 +1,10 @@
 //! The best quality that fits into a number of bytes.
 //!
 //! Quality is one number: the factor of the errors of `--preset web`, which divide bytes well
-//! between the groups, and of the codes that colours may move by. Factors go down by an eighth root of two from one to the next. The smallest
-//! that fits is found by halving the rest, so the result depends on nothing but the sizes. Where
-//! the coarsest error does not fit, the finest level is dropped, then the next.
+//! between the groups, and of the codes that colours may move by. Factors go down by an eighth root
+//! of two from one to the next. The smallest that fits is found by halving the rest, so the result
+//! depends on nothing but the sizes. Where the coarsest error does not fit, the finest level is
+//! dropped, then the next.
 
 use std::fmt;
 

@@ -1,8 +1,8 @@
 //! A world that is empty outside a box.
 //!
-//! Boxes around the smallest one that holds what is kept go. Rays are sampled in the part that is
-//! kept, the same at every level, and blocks that no sample there reads lose their frames. Samples
-//! that stay read what they read before.
+//! Boxes around the smallest one that holds the kept part are dropped. Rays are sampled only in the
+//! kept part, at every level alike; blocks that no sample reads lose their frames. Remaining
+//! samples read the same values as before.
 
 use super::blocks::keep_blocks;
 use super::crop::{check_meets, crop};
@@ -19,7 +19,7 @@ const ON_NODE: f64 = 1e-4;
 ///
 /// # Errors
 ///
-/// [`crate::base::error::ErrorKind::InvalidOption`] for a box that is none, or that does not meet
+/// [`crate::base::error::ErrorKind::InvalidOption`] for an empty box, or one that does not overlap
 /// the container's.
 pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     let boxes = unpacked.metadata.boxes();
@@ -64,8 +64,8 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     Ok(())
 }
 
-/// A box, up to the next voxels of level 0, which go on beyond its box, and within the outermost
-/// one.
+/// A box, widened to voxels of level 0, which continue beyond level 0's box, and clamped to the
+/// outermost box.
 fn widened(metadata: &Metadata, within: &Bounds, outermost: &Bounds) -> Bounds {
     let (inner, nodes) = (metadata.bounds, metadata.levels[0].dimensions);
     let mut widened = *within;
