@@ -1,4 +1,4 @@
-//! The texels of one block, with those that it repeats of its neighbours.
+//! The texels of one block, including its apron.
 
 use super::texels::Texel;
 use crate::snerg::layout::{FAINT, SKIPPED_CUBE};
@@ -12,7 +12,7 @@ pub struct Block {
     words: Vec<u64>,
     /// Texels that are kept before each word.
     ranks: Vec<u32>,
-    /// Sums of opacities of the cubes that rays look at, x fastest.
+    /// Sums of opacities of the cubes for skipping, x fastest.
     sums: Vec<u32>,
     texels: Vec<Texel>,
 }

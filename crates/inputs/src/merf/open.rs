@@ -22,7 +22,7 @@ pub fn knows(file: &TensorFile) -> bool {
     file.kind == FileKind::Folder && KEYS.iter().any(|key| stated(key))
 }
 
-/// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.
+/// Opens a folder: reads its parameters, checks its pictures, and reads the index picture.
 ///
 /// # Errors
 /// `Unsupported` for SMERF; `Malformed` where
@@ -45,7 +45,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     }
 }
 
-/// All of space, in boxes around each other.
+/// All of space, in nested boxes.
 fn whole(
     mut source: Source,
     assets: Arc<Assets>,

@@ -11,7 +11,7 @@ const DENSEST: f64 = 1e30;
 #[derive(Debug)]
 pub(super) struct Ngp {
     pub(super) field: HashField,
-    /// The table spans a cube of so many unit cubes along an edge, around the same middle.
+    /// The table spans a cube of this many unit cubes along an edge, around the same middle.
     pub(super) reach: f64,
     /// Density along an edge of the unit cube, for one along the model's own unit.
     pub(super) per_edge: f64,

@@ -48,7 +48,7 @@ pub(super) struct NgpFile {
     /// True if the colour network takes the direction first, and not the first output of the other.
     pub(super) direction_first: bool,
     pub(super) reach: f64,
-    /// The scene is a cube of so many unit cubes along an edge, around the same middle.
+    /// The scene is a cube of this many unit cubes along an edge, around the same middle.
     pub(super) span: f64,
     pub(super) per_edge: f64,
     pub(super) frame: Frame,

@@ -13,16 +13,16 @@
 //!
 //! **Its own rules.** Steps have one length, the unit cube's diagonal in 1024; in scenes of several
 //! unit cubes they grow with the distance from the camera, as do the cells. Samples outside of
-//! occupied cells are left out. Instant-NGP ends a ray at a transmittance below 0.01 and divides its
-//! colour by the rest, torch-ngp ends it below 1e-4.
+//! occupied cells are left out. Instant-NGP ends a ray at a transmittance below 0.01 and divides
+//! its colour by the rest, torch-ngp ends it below 1e-4.
 //!
-//! **The field.** There are no nodes to take over: the networks are evaluated at nodes of a grid, in
-//! and next to occupied cells, and harmonics are fitted to the colours. The occupied cells are the
-//! field's mask of free space. Around the unit cube there are more boxes, whose nodes are empty outside
-//! of occupied cells.
+//! **The field.** There are no nodes to take over: the networks are evaluated at nodes of a grid,
+//! in and next to occupied cells, and harmonics are fitted to the colours. The occupied cells are
+//! the field's mask of free space. Around the unit cube there are more boxes, whose nodes are empty
+//! outside of occupied cells.
 //!
-//! No snapshot of the real Instant-NGP was tried yet, so a [`Source`](super::Source) of one carries a
-//! warning.
+//! No snapshot of the real Instant-NGP was tried yet, so a [`Source`](super::Source) of one carries
+//! a warning.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

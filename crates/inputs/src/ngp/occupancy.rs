@@ -29,8 +29,8 @@ pub(super) enum Crop {
 }
 
 impl Occupancy {
-    /// Of `side` cells along an edge of each cube, a power of 2, in Morton order. The last cube's edge
-    /// is `span`.
+    /// Of `side` cells along an edge of each cube, a power of 2, in Morton order. The last cube's
+    /// edge is `span`.
     pub(super) fn new(side: usize, span: f64, cubes: Vec<Vec<bool>>) -> Self {
         Self { side, span, cubes, crop: Crop::None }
     }

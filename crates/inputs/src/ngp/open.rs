@@ -24,7 +24,7 @@ use crate::tensor::TensorFile;
 const RESOLUTION: usize = 256;
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
-/// The degree of a fit that nobody asked for another of.
+/// Default degree of a fit.
 const DEGREE: usize = 2;
 /// Weight up to which samples add no colour.
 const COLOR_THRESHOLD: f32 = 1e-4;
@@ -108,7 +108,7 @@ fn source(
     }
     let is_unbounded = model.span > 1.0;
     let side = options.resolution.unwrap_or(RESOLUTION);
-    // Boxes around each other share every second node.
+    // Nested boxes share every second node.
     let side = if is_unbounded { side.max(3) | 1 } else { side };
     let nodes = Nodes::checked([side as u64; 3], limits, &Place::Key("resolution".to_owned()))?;
     let plain = options.view == ViewChoice::None || options.mlp == MlpChoice::None;

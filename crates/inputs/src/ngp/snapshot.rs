@@ -35,11 +35,12 @@ const MOST_LAYERS: i64 = 16;
 const MOST_CELLS: i64 = 256;
 /// Densities above this, or above the mean, are occupied.
 const OCCUPIED: f64 = 0.01;
-/// Steps grow by this share of the distance in scenes of several unit cubes, up to so many of the
+/// Steps grow by this share of the distance in scenes of several unit cubes, up to this many of the
 /// least ones.
 const GROWTH: f64 = 1.0 / 256.0;
 const LONGEST: f64 = 1024.0;
-/// The version that is known. Snapshots before it, of July 2022, state none: their cells are float32.
+/// The version that is known. Snapshots before it, of July 2022, state none: their cells are
+/// float32.
 const VERSION: i64 = 1;
 /// The box that is shown, in the unit cube's axes, and the rotation of its own.
 const CROP: &str = "snapshot.render_aabb";

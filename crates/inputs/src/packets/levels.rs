@@ -83,8 +83,8 @@ impl Sizes {
         Ok(())
     }
 
-    /// The levels whose sizes grow by a ratio, of which the binary logarithm is given. Both programs
-    /// compute scales in float32; each function is rounded once, as theirs are.
+    /// The levels whose sizes grow by a ratio, of which the binary logarithm is given. Both
+    /// programs compute scales in float32; each function is rounded once, as theirs are.
     ///
     /// # Errors
     /// `Malformed` for levels of 2^20 nodes along an axis or more.

@@ -2,12 +2,13 @@
 
 use super::real::{Lanes, Real};
 
-/// Neurons that are summed at once; layers are filled up to a multiple.
+/// Neurons that are summed at once; layers are padded to a multiple.
 pub(super) const TILE: usize = 4;
 
-/// Adds products of weights and inputs to sums, [`TILE`] of them at a time. `rows` are the weights' own inputs of each tile, of which `inputs` are the
-/// first ones. Terms are added in order, [`TILE`] inputs at a time: of one at a time, compilers make
-/// vectors over neurons, which takes thirty times as long.
+/// Adds products of weights and inputs to sums, [`TILE`] of them at a time. `rows` are the weights'
+/// own inputs of each tile, of which `inputs` are the first ones. Terms are added in order,
+/// [`TILE`] inputs at a time: of one at a time, compilers make vectors over neurons, which takes
+/// thirty times as long.
 #[inline(always)]
 pub(super) fn multiply<T: Real>(
     weights: &[T],

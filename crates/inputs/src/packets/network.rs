@@ -75,8 +75,8 @@ pub struct Places<T> {
 }
 
 impl ViewNetwork {
-    /// Of layers of which the first takes the place's inputs from one column on, and the direction's
-    /// from another.
+    /// Of layers of which the first takes the place's inputs from one column on, and the
+    /// direction's from another.
     pub fn new(layers: &[Layer], firsts: [usize; 2]) -> Self {
         Self { network: Both::new(layers), firsts }
     }
@@ -111,8 +111,8 @@ impl ViewNetwork {
         network.add(first, inputs, &mut places.sums);
     }
 
-    /// Outputs at a place along all directions, packet by packet. `found` sees how many of the lanes
-    /// count.
+    /// Outputs at a place along all directions, packet by packet. `found` sees how many of the
+    /// lanes count.
     pub fn along<T: Number>(
         &self,
         directions: &Directions<T>,

@@ -16,7 +16,7 @@ pub(super) enum Basis {
         /// True where colours are logits.
         logits: bool,
     },
-    /// So many harmonics.
+    /// This many harmonics.
     Harmonics(usize),
     /// Spherical Gaussians: sharpness, and axis.
     Gaussians(Vec<(f64, [f64; 3])>),

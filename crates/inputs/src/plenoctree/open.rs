@@ -25,8 +25,8 @@ const STEPSIZE: f32 = 0.5;
 /// Opens a tree. Leaves stay in the file.
 ///
 /// # Errors
-/// `Unsupported` for other functions and nodes of more than eight cells, `Malformed` for arrays that
-/// do not fit and children that are no nodes.
+/// `Unsupported` for other functions and nodes of more than eight cells, `Malformed` for arrays
+/// that do not fit and children that are no nodes.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let arrays = Arc::new(Arrays::find(file, limits)?);
     let mut assumptions = Vec::new();

@@ -31,7 +31,7 @@ pub(super) struct Quantized {
 }
 
 impl Quantized {
-    /// Of a tree of so many cells.
+    /// Of a tree of this many cells.
     ///
     /// # Errors
     /// `Malformed` for arrays that do not fit it.

@@ -31,8 +31,8 @@ impl Tree {
     /// Reads and checks the children of all nodes.
     ///
     /// # Errors
-    /// `Unsupported` for nodes of more than eight cells, `Malformed` for children that are no nodes,
-    /// or nodes that are the child of two cells, `OverLimit` for trees that are too deep.
+    /// `Unsupported` for nodes of more than eight cells, `Malformed` for children that are no
+    /// nodes, or nodes that are the child of two cells, `OverLimit` for trees that are too deep.
     pub(super) fn load(tensor: &Tensor, limits: &Limits) -> Result<Self> {
         let place = tensor.place();
         let &[nodes, a, b, c] = tensor.shape() else {
@@ -106,7 +106,8 @@ impl Tree {
         }
     }
 
-    /// The leaves of a plane of the deepest level's cells, as squares: cell, first y and z, and side.
+    /// The leaves of a plane of the deepest level's cells, as squares: cell, first y and z, and
+    /// side.
     pub(super) fn plane(&self, x: usize, mut visit: impl FnMut(usize, [usize; 2], usize)) {
         let mut waiting = vec![(0usize, [0usize; 3], self.side())];
         while let Some((node, [x0, y0, z0], size)) = waiting.pop() {

@@ -7,11 +7,12 @@
 //! colour = max(0, c / (2 sqrt(pi)) + 1/2)
 //! ```
 //!
-//! Distances of samples count as inverse radii: a layer stops the same light wherever it lies. svox2
-//! trains and renders so. Its version for a CPU, which checks gradients, counts lengths along the ray
-//! and shows other pictures of the same file.
+//! Distances of samples count as inverse radii: a layer stops the same light wherever it lies.
+//! svox2 trains and renders so. Its version for a CPU, which checks gradients, counts lengths along
+//! the ray and shows other pictures of the same file.
 //!
-//! Spheres are met from within. A camera outside the first one sees only their far halves, as in svox2.
+//! Spheres are met from within. A camera outside the first one sees only their far halves, as in
+//! svox2.
 
 use super::spheres::{SphereSpace, Spheres, dot, sphere_count};
 use crate::base::progress::Progress;

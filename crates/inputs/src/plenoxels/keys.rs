@@ -13,7 +13,7 @@ use crate::tensor::{Tensor, TensorFile, Value};
 
 /// The number that svox2 gives to harmonics among its bases.
 const HARMONICS: i64 = 1;
-/// Cells of a scene in normalised device coordinates: more than this along x, so many along z.
+/// Cells of a scene in normalised device coordinates: more than this along x, this many along z.
 const DEVICE_X: u64 = 1000;
 const DEVICE_Z: u64 = 128;
 

@@ -35,8 +35,8 @@ impl OwnBox {
         Grid::Values(Arc::new(Self { world, lattice, border, density, color, planes }))
     }
 
-    /// From this radius on, nodes count with the background, in half edges: cells that the unit sphere
-    /// crosses have their corners there.
+    /// From this radius on, nodes count with the background, in half edges: cells that the unit
+    /// sphere crosses have their corners there.
     fn rim(&self) -> f64 {
         let Nodes(counts) = self.world.arrays.cells.cells;
         let cells = counts.into_iter().map(|count| 2.0 / count as f64);
@@ -155,7 +155,7 @@ impl SampledColors {
         if all > 0.0 {
             means.iter_mut().for_each(|mean| *mean /= all);
         } else {
-            // Nothing is there, but the colour counts between this node and the next one.
+            // The node is empty, but its colour counts between it and its neighbours.
             self.world.shown(whole, self.lattice.position(node), means);
         }
     }

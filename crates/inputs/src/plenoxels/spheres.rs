@@ -5,16 +5,17 @@
 //! | `background_links` | i32 `[2 R, R]` | the row of each direction; any negative number is an empty one |
 //! | `background_data` | `[n, L, 4]` | by layer: red, green, blue as coefficients of band 0, then density |
 //!
-//! Positions count in half edges of the box from its middle, so the first sphere is that of radius 1
-//! within the box. The radius `r` of a position is its coordinate along the layers, and its direction
-//! `d` the two others:
+//! Positions count in half edges of the box from its middle, so the first sphere is that of radius
+//! 1 within the box. The radius `r` of a position is its coordinate along the layers, and its
+//! direction `d` the two others:
 //!
 //! ```text
 //! layer = (1 - 1/r) L - 1/2
 //! u = 2 R (1/2 + atan2(d_x, d_z) / 2 pi)      v = R (1/2 - asin(d_y) / pi)
 //! ```
 //!
-//! Values are linear between rows and layers. Both directions wrap around, as in svox2; poles do, too.
+//! Values are linear between rows and layers. Both directions wrap around, as in svox2; poles do,
+//! too.
 //!
 //! **Density.** A layer stops the same light wherever it lies, so its optical depth per world unit
 //! falls with the square of the radius, and depends on the angle at which a ray leaves the sphere.
@@ -50,7 +51,7 @@ pub(super) struct SphereFile {
 }
 
 impl SphereFile {
-    /// The spheres of two arrays. `row` makes rows of the second one, each so many numbers.
+    /// The spheres of two arrays. `row` makes rows of the second one, each this many numbers.
     ///
     /// # Errors
     /// `Malformed` for other shapes.
@@ -102,7 +103,7 @@ impl SphereFile {
     /// Feeds a digest with samples of the values.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         self.data.sample(hash)
     }
@@ -110,8 +111,8 @@ impl SphereFile {
     /// All values.
     ///
     /// # Errors
-    /// Those of reading, links to no row, values that are not finite, and more memory than the limits
-    /// allow.
+    /// Errors of reading, links to no row, values that are not finite, and more memory than the
+    /// limits allow.
     pub(super) fn load(&self) -> Result<Arc<Spheres>> {
         self.loaded.get(|| {
             let mut budget = Budget::new(&self.limits);

@@ -1,4 +1,4 @@
-//! The field of a model with background spheres: boxes around each other.
+//! The field of a model with background spheres: nested boxes.
 
 use std::sync::Arc;
 
@@ -13,11 +13,11 @@ use crate::nested::{self, Middle};
 use crate::options::SourceOptions;
 use crate::sparse::{CellBox, RowGrid};
 
-/// Boxes may end this share before the last sphere: with the usual 64 layers that is a box less, which
-/// would hold 4 of 260 half edges.
+/// Boxes may end this share before the last sphere: with the usual 64 layers that is a box less,
+/// which would hold 4 of 260 half edges.
 const ENDS: f64 = 0.98;
-/// Cells along an edge of a model whose first box is larger than its own, at most: a box of 514 nodes
-/// takes minutes.
+/// Cells along an edge of a model whose first box is larger than its own, at most: a box of 514
+/// nodes takes minutes.
 const MOST_CELLS: usize = 256;
 /// Half edges from the middle of places that stand for cameras.
 const ASIDE: f64 = 0.4;
@@ -31,8 +31,8 @@ pub(super) fn viewers(space: &SphereSpace, cameras: &[[f64; 3]]) -> Viewers {
     }
 }
 
-/// Nodes of the first box beyond the faces of the cells: as many as make it twice as large, which is
-/// where the spheres have no more detail than the next box, unless it has too many nodes then.
+/// Nodes of the first box beyond the faces of the cells: as many as make it twice as large, which
+/// is where the spheres have no more detail than the next box, unless it has too many nodes then.
 fn border(cells: Nodes) -> usize {
     let largest = cells.0.into_iter().max().unwrap_or(0);
     if largest <= MOST_CELLS { largest / 2 + 1 } else { CellBox::BORDER }

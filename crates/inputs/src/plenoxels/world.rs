@@ -1,8 +1,8 @@
-//! A model with background spheres at the nodes of boxes around each other.
+//! A model with background spheres at the nodes of nested boxes.
 //!
-//! **The own box.** Its nodes are the centres of cells, with the model's own values. Beyond the unit
-//! sphere, in the corners, the background is added: densities add up, and coefficients are means by
-//! density. The nodes behind the faces hold the background alone.
+//! **The own box.** Its nodes are the centres of cells, with the model's own values. Beyond the
+//! unit sphere, in the corners, the background is added: densities add up, and coefficients are
+//! means by density. The nodes behind the faces hold the background alone.
 //!
 //! **Boxes around it** hold the background, and with another resolution the own box is sampled like
 //! them: nodes are means over their cells ([`crate::nested`]).

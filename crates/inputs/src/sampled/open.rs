@@ -45,7 +45,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             (Channel::of_band_0(Channel::of_harmonics(0, stored, 1), rules), None)
         }
         (Some(rules), _) => {
-            // The sum of clamped samples is the clamped sum where none is clamped; a sigmoid is not.
+            // The sum of clamped samples is the clamped sum where none is clamped; a sigmoid is
+            // not.
             let evaluation = match rules.clamp {
                 Clamp::Zero | Clamp::None => Evaluation::Ray,
                 Clamp::Sigmoid => Evaluation::Sample,
@@ -91,7 +92,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     field.check()?;
     let step = field.scene.march.interval_length();
-    // Boxes around each other have no rules but those of a field.
+    // Nested boxes have no rules but those of a field.
     let model: Option<Arc<dyn LoadModel>> = match field.shells.is_empty() {
         true => Some(Arc::new(SampledFile { arrays, stored, step })),
         false => None,

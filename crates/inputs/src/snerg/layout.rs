@@ -1,7 +1,7 @@
 //! The layout of SNeRG's asset folders, which reading and writing share.
 //!
-//! A folder holds a sparse grid of cubic voxels, whose values lie in the middle of voxels. Blocks of
-//! it that show something stand in an *atlas*, each with an apron of one voxel around. PNGs hold
+//! A folder holds a sparse grid of cubic voxels, whose values lie in the middle of voxels. Blocks
+//! of it that show something stand in an *atlas*, each with an apron of one voxel around. PNGs hold
 //! [`PLANES`] planes of the atlas each, of constant z, one below the other. Its axes are those of
 //! OpenGL, y up; [`WORLD_OF_GL`] turns them to the world.
 
@@ -46,8 +46,8 @@ pub fn feature_name(slice: usize) -> String {
 }
 
 /// The place in a folder's first layer of input `input` of a
-/// [`ViewMlp`](crate::model::view_mlp::ViewMlp). Folders order the waves of a direction by octave, then by
-/// axis; networks here by axis, then by octave.
+/// [`ViewMlp`](crate::model::view_mlp::ViewMlp). Folders order the waves of a direction by octave,
+/// then by axis; networks here by axis, then by octave.
 pub const fn folder_input(input: usize) -> usize {
     let waves = 3 * OCTAVES;
     if input < 3 || input >= 3 + 2 * waves {

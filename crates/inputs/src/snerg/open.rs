@@ -17,7 +17,7 @@ pub fn knows(file: &TensorFile) -> bool {
     file.kind == FileKind::Folder && !merf::knows(file)
 }
 
-/// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.
+/// Opens a folder: reads its parameters, checks its pictures, and reads the index picture.
 ///
 /// # Errors
 /// `Unsupported` for scenes that are no box of cubes, `Malformed` where numbers and pictures do not

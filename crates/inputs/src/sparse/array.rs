@@ -25,7 +25,7 @@ pub trait MakeBytes: Debug + Send + Sync {
     /// All rows, one after the other.
     ///
     /// # Errors
-    /// Those of reading, and more bytes than the limits allow.
+    /// Errors of reading, and more bytes than the limits allow.
     fn make(&self, limits: &Limits) -> Result<Storage>;
 
     /// Bytes that it takes in memory, at most.
@@ -67,7 +67,8 @@ impl RowArray {
         Self::of_tensor(tensor, width, None, limits)
     }
 
-    /// The same of uint8 numbers: column by column, a value is a number times a factor and an addend.
+    /// The same of uint8 numbers: column by column, a value is a number times a factor and an
+    /// addend.
     ///
     /// # Errors
     /// `Malformed` for other numbers, or no whole rows.
@@ -136,7 +137,7 @@ impl RowArray {
     /// All values, as float32.
     ///
     /// # Errors
-    /// Those of reading, and more memory than the budget has.
+    /// Errors of reading, and more memory than the budget has.
     pub fn values(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let count = limits::product(&[self.rows, self.width as u64], "rows", &self.place)?;
         let mut values = budget.zeroed(count, "bytes of rows", &self.place)?;
@@ -152,7 +153,7 @@ impl RowArray {
     /// Calls `visit` with all rows in order, some at a time.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn for_each_piece(&self, mut visit: impl FnMut(&[f32])) -> Result<()> {
         let mut values = Vec::new();
         self.for_each_stored(|bytes| {
@@ -213,8 +214,8 @@ impl RowArray {
         Err(Error::malformed(self.place.clone(), found, "finite numbers").advise(NOT_FINITE))
     }
 
-    /// Refuses values that are not finite at nodes, of which `row` is each one's row. Rows of no node
-    /// do not matter.
+    /// Refuses values that are not finite at nodes, of which `row` is each one's row. Rows of no
+    /// node do not matter.
     ///
     /// # Errors
     /// `NonFinite`, with the first node.
@@ -249,7 +250,7 @@ impl RowArray {
     /// Calls `visit` with one column of all rows, in pieces.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn column(&self, column: usize, mut visit: impl FnMut(&[f32])) -> Result<()> {
         let mut values = Vec::new();
         self.for_each_stored(|bytes| {
@@ -261,7 +262,7 @@ impl RowArray {
     /// Shows samples of the bytes, for a digest.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn sample(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let storage = self.storage()?;
         let size = storage.length().min(SAMPLE_BYTES);

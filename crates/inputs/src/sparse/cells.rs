@@ -62,7 +62,7 @@ impl CellBox {
         Ok(bounds)
     }
 
-    /// Nodes in the middles of all cells, and so many beyond each face.
+    /// Nodes in the middles of all cells, and this many beyond each face.
     pub fn lattice_beyond(&self, border: usize) -> FieldLattice {
         let more = 2.0 * border as f64 - 1.0;
         let bounds = self.reaching(|radius, count| radius * (1.0 + more / count));

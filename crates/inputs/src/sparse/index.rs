@@ -40,7 +40,7 @@ pub trait PlaneRows: Debug + Send + Sync {
     /// Fills in the rows of plane `x`, z fastest; nodes without one stay as they are.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn fill(&self, x: usize, rows: &mut [u32]) -> Result<()>;
 
     /// Bytes that it takes in memory.
@@ -143,7 +143,7 @@ impl Index {
     /// The rows of plane `x`, z fastest; [`NO_ROW`] for none.
     ///
     /// # Errors
-    /// Those of reading, and `Malformed` for a link to no row.
+    /// Errors of reading, and `Malformed` for a link to no row.
     pub(super) fn plane(&self, x: usize, out: &mut Vec<u32>) -> Result<()> {
         let [_, ny, nz] = self.nodes.0;
         out.clear();
@@ -215,7 +215,7 @@ impl Index {
     /// All of it in memory.
     ///
     /// # Errors
-    /// Those of reading, and more memory than the budget has.
+    /// Errors of reading, and more memory than the budget has.
     pub fn load(&self, budget: &mut Budget) -> Result<LoadedIndex> {
         let mut rows = budget.zeroed(self.nodes.count(), "bytes of an index", &Place::File)?;
         let [nx, ny, nz] = self.nodes.0;

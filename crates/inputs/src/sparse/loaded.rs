@@ -35,7 +35,7 @@ impl LoadedRows {
     /// of the last one.
     ///
     /// # Errors
-    /// Those of reading, values that are not finite, more memory than the budget has.
+    /// Errors of reading, values that are not finite, more memory than the budget has.
     pub fn load(
         index: &Index,
         arrays: &[&RowArray],

@@ -6,7 +6,7 @@ use crate::model::camera::Ray;
 use crate::model::ray_march::{Next, Steps, point_at, unit_direction};
 use crate::model::trained_model::RayRules;
 
-/// Samples no farther beyond a face than this, in nodes, lie on it.
+/// Samples at most this far beyond a face, in nodes, lie on it.
 const ON_FACE: f64 = 1e-9;
 
 /// A map from the world to positions in nodes: node 0 is at 0.

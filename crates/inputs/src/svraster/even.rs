@@ -1,17 +1,19 @@
 //! Densities that look with many short steps as a voxel looks with its few samples.
 //!
 //! SVRaster samples a voxel in the middle of its chord, and densities grow exponentially towards a
-//! surface: the middle has less than the mean. A field is marched with steps shorter than voxels, so
-//! with the file's own densities it would be too dense. So the densities at corners are corrected by
-//! what rays through the voxels around a corner show, once; more passes were no better:
+//! surface: the middle has less than the mean. A field is marched with steps shorter than voxels,
+//! so with the file's own densities it would be too dense. So the densities at corners are
+//! corrected by what rays through the voxels around a corner show, once; more passes were no
+//! better:
 //!
 //! ```text
 //! density of a corner *= sum over rays of w (1 - exp(-depth by few samples))
 //!                      / sum over rays of w (1 - exp(-depth by many steps))
 //! ```
 //!
-//! Each voxel has twelve rays: along each axis, through two places along each other axis. `w` is how
-//! near a ray is to the corner. Densities are logits here, which is how a field interpolates them.
+//! Each voxel has twelve rays: along each axis, through two places along each other axis. `w` is
+//! how near a ray is to the corner. Densities are logits here, which is how a field interpolates
+//! them.
 
 use std::sync::Arc;
 
@@ -56,7 +58,7 @@ impl VoxelFile {
     }
 }
 
-/// Logits of the densities at distinct corners. Voxels have so many `samples` by their own rules.
+/// Logits of the densities at distinct corners. Voxels have this many `samples` by their own rules.
 fn logits(voxels: &Voxels, cubes: &[Cube], unit: f64, samples: u32) -> Result<Vec<f32>> {
     let mut logits: Vec<f32> =
         voxels.table().iter().map(|raw| logit(density(f64::from(*raw)))).collect();

@@ -108,7 +108,7 @@ impl Numbers {
         }
     }
 
-    /// Of an array, or of a dictionary of `index` and `codebook`; so many numbers a row.
+    /// Of an array, or of a dictionary of `index` and `codebook`; this many numbers a row.
     fn find(value: Option<&Value>, name: &str, width: usize, limits: &Limits) -> Result<Self> {
         let expected = "numbers, or a dictionary of index and codebook";
         let place = Place::Key(name.to_owned());

@@ -82,8 +82,8 @@ impl Octree {
     /// Of voxels with paths and levels.
     ///
     /// # Errors
-    /// `Malformed` for levels out of range, paths with bits below the voxel's level, and voxels that
-    /// overlap; `OverLimit` for more memory than the budget has.
+    /// `Malformed` for levels out of range, paths with bits below the voxel's level, and voxels
+    /// that overlap; `OverLimit` for more memory than the budget has.
     pub(super) fn new(paths: &[u64], levels: &[u8], budget: &mut Budget) -> Result<Self> {
         let place = Place::Tensor("octpath".to_owned());
         let mut order: Vec<u32> = budget.zeroed(paths.len(), "bytes of an octree", &place)?;

@@ -1,10 +1,10 @@
 //! Which cells of the octree are the boxes' own.
 //!
-//! Box 0 is the inner box, and each next one reaches twice as far with nodes twice as far apart: all
-//! have as many. Nodes of box 0 are corners of the octree's cells of one level. That level is the
-//! finest at which the boxes have at most [`MOST_CELLS`] times as many cells in voxels as there are
-//! voxels, and [`MOST_NODES`] along an edge: larger voxels are made of many cells, and smaller ones
-//! are averaged.
+//! Box 0 is the inner box, and each next one reaches twice as far with nodes twice as far apart:
+//! all have as many. Nodes of box 0 are corners of the octree's cells of one level. That level is
+//! the finest at which the boxes have at most [`MOST_CELLS`] times as many cells in voxels as there
+//! are voxels, and [`MOST_NODES`] along an edge: larger voxels are made of many cells, and smaller
+//! ones are averaged.
 
 use super::octree::{Cube, LEVELS, SIDE};
 use crate::base::error::{Error, Place, Result};
@@ -16,8 +16,8 @@ use super::settings::Settings;
 
 /// Cells in voxels, at most, in numbers of voxels.
 const MOST_CELLS: f64 = 16.0;
-/// Nodes along an edge, at most, that nobody asked for: a bake of twice as many needs four times the
-/// memory, which is 10 GB for harmonics of degree 3.
+/// Nodes along an edge, at most, that nobody asked for: a bake of twice as many needs four times
+/// the memory, which is 10 GB for harmonics of degree 3.
 const MOST_NODES: u64 = 513;
 /// Doublings of a box that no file states are found among these.
 const MOST_GUESSED: u32 = 8;
@@ -137,7 +137,7 @@ fn number_of_box(cube: &Cube, doublings: u32) -> u32 {
 
 impl Plan {
     /// The boxes up to one that reaches `extent` half sides of the inner one. `resolution` asks for
-    /// so many nodes along an edge of the inner box, or a few more.
+    /// this many nodes along an edge of the inner box, or a few more.
     pub(super) fn new(
         cubes: &[Cube],
         doublings: u32,

@@ -1,9 +1,9 @@
 //! The voxels that touch a plane of a box, and densities at its nodes.
 //!
 //! A voxel as large as the cells around a node, or larger, says the node's raw density; of several
-//! the smallest, whose own corner it is. Around a node with smaller voxels the density is a mean over
-//! the node's cell, which reaches half way to the next nodes. Cells are halved along each axis: such
-//! an eighth of a cell lies within one voxel, or is made of smaller ones.
+//! the smallest, whose own corner it is. Around a node with smaller voxels the density is a mean
+//! over the node's cell, which reaches half way to the next nodes. Cells are halved along each
+//! axis: such an eighth of a cell lies within one voxel, or is made of smaller ones.
 
 use super::density::{between, density};
 use super::even::logit;

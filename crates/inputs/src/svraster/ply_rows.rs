@@ -1,8 +1,8 @@
 //! The voxels of svraster-webgl's PLY files.
 //!
-//! Each vertex is a voxel: its middle, the lower half of its path, its level, harmonics (function by
-//! function, each red, green and blue) and the raw densities at its corners. The middle and the level
-//! say where it is.
+//! Each vertex is a voxel: its middle, the lower half of its path, its level, harmonics (function
+//! by function, each red, green and blue) and the raw densities at its corners. The middle and the
+//! level say where it is.
 
 use std::sync::Arc;
 

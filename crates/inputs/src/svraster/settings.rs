@@ -18,8 +18,8 @@ pub(super) struct Settings {
     pub(super) supersampling: Option<f64>,
 }
 
-/// Refuses another number of harmonics than degrees 0 to 3 have. `columns` counts those of all three
-/// colour channels.
+/// Refuses another number of harmonics than degrees 0 to 3 have. `columns` counts those of all
+/// three colour channels.
 pub(super) fn check_harmonics(columns: usize, place: &Place) -> Result<()> {
     if [3, 12, 27, 48].contains(&columns) {
         return Ok(());

@@ -83,7 +83,8 @@ impl Tensor {
         Self::new(name, element, shape, strides, 0, data)
     }
 
-    /// A tensor whose numbers are of a kind that is not read, told in `what`. Its shape is as stated.
+    /// A tensor whose numbers are of a kind that is not read, told in `what`. Its shape is as
+    /// stated.
     ///
     /// # Errors
     /// `Overflow` where its sizes do.

@@ -8,8 +8,8 @@
 //! version   major << 21 | minor << 10 | patch
 //! ```
 //!
-//! All numbers are little-endian. Grids are read by [`crate::vdb`]. The layout is that of version 32,
-//! which NanoVDB has had since 2020; it is written down in `NanoVDB.h`.
+//! All numbers are little-endian. Grids are read by [`crate::vdb`]. The layout is that of version
+//! 32, which NanoVDB has had since 2020; it is written down in `NanoVDB.h`.
 
 use std::sync::Arc;
 

@@ -23,7 +23,7 @@ impl Tensor {
     /// files. Checksums that the file states are verified, which reads all bytes.
     ///
     /// # Errors
-    /// Those of reading and inflating, `Checksum`, and more bytes than the budget has.
+    /// Errors of reading and inflating, `Checksum`, and more bytes than the budget has.
     pub fn storage(&self, budget: &mut Budget) -> Result<Storage> {
         if !self.is_dense() {
             return Ok(Storage::Memory(self.packed(budget)?.into()));
@@ -66,11 +66,11 @@ impl Tensor {
 }
 
 impl Tensor {
-    /// Some of the numbers, which tell their range as a rule. Nothing is verified, and of compressed
-    /// ones only the first are looked at.
+    /// Some of the numbers, which tell their range as a rule. Nothing is verified, and of
+    /// compressed ones only the first are looked at.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn glance(&self) -> Result<Vec<f32>> {
         let size = self.element().size() as u64;
         let most = self.span_length().min(GLANCES * GLANCE);

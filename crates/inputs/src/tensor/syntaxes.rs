@@ -1,6 +1,6 @@
-//! The files that are read, one row for each syntax. A new one is its reader, its [`FileKind`] and a
-//! row: from it follow how files are told apart, what messages say is expected, and the extensions
-//! that verbs know.
+//! The files that are read, one row for each syntax. A new one is its reader, its [`FileKind`] and
+//! a row: from it follow how files are told apart, what messages say is expected, and the
+//! extensions that verbs know.
 //!
 //! [`FileKind`]: super::FileKind
 

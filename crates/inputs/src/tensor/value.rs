@@ -15,7 +15,7 @@ const SETTING_BYTES: u64 = 4 << 20;
 /// its own copy of them all.
 const NAME_BYTES: u64 = 4096;
 
-/// Refuses a name of so many bytes that is too long.
+/// Refuses a name of this many bytes that is too long.
 pub(in crate::tensor) fn check_name(bytes: usize, place: &Place) -> Result<()> {
     limits::check_fixed("bytes of a name", bytes as u64, NAME_BYTES, place)
 }

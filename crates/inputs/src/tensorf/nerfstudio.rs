@@ -157,7 +157,7 @@ fn settings_of(
     let color = match (background, named.as_str()) {
         (Some(color), _) => color,
         (None, "white") => [1.0; 3],
-        // Nothing is added to the pictures of a model that was trained over random colours.
+        // A model that was trained over random colours has no background.
         (None, "black" | "random") => [0.0; 3],
         (None, other) => {
             let error = Error::unsupported(place(key), other, "white, black or random");

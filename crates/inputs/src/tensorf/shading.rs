@@ -26,7 +26,7 @@ pub(super) enum ShadingFile {
 }
 
 impl ShadingFile {
-    /// The shading of a model with so many features.
+    /// The shading of a model with this many features.
     pub(super) fn find(kwargs: &Value, state: &Value, features: usize) -> Result<Self> {
         let octaves = |name: &str| -> Result<u32> {
             let found = kwargs.get(name).map_or(Ok(0), |value| value.integer(name))?;

@@ -17,8 +17,8 @@ pub(super) fn span(origin: [f64; 3], direction: [f64; 3], corners: [[f64; 3]; 2]
     [near, far.max(near + 1e-6)]
 }
 
-/// The ends of the intervals of the second pass; none for a ray that meets nothing. Each pass has its
-/// number of intervals; `density` is the optical depth of a unit at a distance.
+/// The ends of the intervals of the second pass; none for a ray that meets nothing. Each pass has
+/// its number of intervals; `density` is the optical depth of a unit at a distance.
 pub(super) fn intervals(
     [even, found]: [usize; 2],
     [near, far]: [f64; 2],

@@ -80,7 +80,7 @@ impl NodeValues for ColorValues {
     }
 
     fn memory_bytes(&self) -> u64 {
-        // Factors are kept once, and once more while they are read.
+        // Factors are held twice while they are read.
         2 * self.arrays.features.bytes() + self.planes.bytes(self.nodes(), self.channels())
     }
 

@@ -130,7 +130,7 @@ impl Codec {
         value
     }
 
-    /// So many bytes, decompressed.
+    /// This many bytes, decompressed.
     fn bytes(&self, reader: &mut ByteReader, length: usize) -> Result<Vec<u8>> {
         if self.compression & (ZIP | BLOSC) == 0 {
             return reader.take(length).map(<[u8]>::to_vec);

@@ -1,4 +1,5 @@
-//! Grids of NanoVDB files: the same trees as OpenVDB's, as they are in the memory of a graphics card.
+//! Grids of NanoVDB files: the same trees as OpenVDB's, as they are in the memory of a graphics
+//! card.
 //!
 //! ```text
 //! grid   672 bytes: at 40 its name, at 440 a matrix of 9 doubles and at 584 a place of 3,
@@ -40,7 +41,7 @@ const KEY_BITS: u32 = 21;
 pub(super) enum Leaves {
     /// As float32.
     Floats,
-    /// As codes of so many bits.
+    /// As codes of this many bits.
     Codes(u32),
     /// As codes of a number of bits that each leaf states.
     AnyCodes,
@@ -123,8 +124,8 @@ struct Bytes<'a> {
 /// Reads the background, the place of the voxels and the tree of a grid.
 ///
 /// # Errors
-/// `Malformed` for places outside of the grid and nodes in two places, `NonFinite`, those of maps, and
-/// more memory than the budget has.
+/// `Malformed` for places outside of the grid and nodes in two places, `NonFinite`, those of maps,
+/// and more memory than the budget has.
 pub(super) fn read(
     bytes: &[u8],
     (width, leaves): (usize, Leaves),
@@ -191,7 +192,7 @@ impl Bytes<'_> {
         Ok(value)
     }
 
-    /// A place so many bytes from another one.
+    /// A place this many bytes from another one.
     fn moved(&self, from: usize, by: i64) -> Result<usize> {
         let to = usize::try_from(by).ok().and_then(|by| from.checked_add(by));
         to.filter(|&to| to < self.bytes.len()).ok_or_else(|| self.outside(from))

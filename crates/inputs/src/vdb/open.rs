@@ -30,7 +30,8 @@ pub fn knows(file: &TensorFile) -> bool {
 ///
 /// # Errors
 /// `Unsupported` for files in which no grid is that of density, for grids of other types and
-/// classes, and for voxels that are not along the world's axes; `Malformed` and `Truncated` for damaged files.
+/// classes, and for voxels that are not along the world's axes; `Malformed` and `Truncated` for
+/// damaged files.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     if let (ViewChoice::Harmonics(_), _) | (_, MlpChoice::File(_)) = (options.view, &options.mlp) {
         return Err(Error::usage(

@@ -95,7 +95,8 @@ pub fn read_map(reader: &mut ByteReader, kind: &str, place: &Place) -> Result<Pl
     placed(&rows, place)
 }
 
-/// The map with rows of the world's steps along the axes of voxels, and the world's place of voxel 0.
+/// The map with rows of the world's steps along the axes of voxels, and the world's place of voxel
+/// 0.
 pub(super) fn placed(rows: &[[f64; 3]; 4], place: &Place) -> Result<Placed> {
     let [axes @ .., first] = rows;
     let largest = axes.as_flattened().iter().fold(0.0f64, |most, number| most.max(number.abs()));

@@ -9,8 +9,8 @@
 //!
 //! Objects are nodes of an arena and refer to each other by number, so that a list that holds
 //! itself is no danger while the pickle runs. The result is then copied out as a tree of
-//! [`super::Value`]s, to a limited depth. The memory of the arena and the tree is spent from a budget, so
-//! that a few bytes cannot be expanded without end.
+//! [`super::Value`]s, to a limited depth. The memory of the arena and the tree is spent from a
+//! budget, so that a few bytes cannot be expanded without end.
 
 mod convert;
 mod global;
