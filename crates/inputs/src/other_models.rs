@@ -1,6 +1,6 @@
-//! Models that are known and not read, told by the names in their files.
+//! Models that are recognized but not supported, by the names in their files.
 //!
-//! Their files are sound, so it is no help to call them damaged.
+//! Their files are valid, so errors must not call them damaged.
 
 use super::checkpoint::STATE;
 use super::tensor::{TensorFile, Value};

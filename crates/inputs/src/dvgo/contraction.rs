@@ -6,8 +6,8 @@
 //! c = y / n (1 + b - b / n)        beyond, b = the background's length
 //! ```
 //!
-//! So all of space is in the box from `-1 - b` to `1 + b`. A step in the world has there the
-//! contracted length
+//! So all of space is in the box from `-1 - b` to `1 + b`. There, a step in the world has this
+//! length:
 //!
 //! ```text
 //! along y: b / n^2 times as long,  across: (1 + b - b / n) / n times

@@ -23,7 +23,7 @@ pub(super) struct Assets {
 }
 
 impl Assets {
-    /// Looks at all pictures. Returns them with a digest of each.
+    /// Checks all pictures. Returns them with a digest of each.
     pub(super) fn find(
         folder: Folder,
         parameters: Parameters,

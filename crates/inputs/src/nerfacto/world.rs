@@ -12,7 +12,7 @@ use crate::packets::{Directions, FieldScratch, Found};
 /// show, and a bake with more nodes than this reads them point by point.
 const CELLS: f64 = 256.0;
 
-/// A model as boxes sample it.
+/// A model, for sampling by boxes.
 #[derive(Debug)]
 pub(super) struct NerfactoWorld(pub(super) Arc<NerfactoFile>);
 

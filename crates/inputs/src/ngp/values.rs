@@ -13,7 +13,7 @@ use crate::model::grid::Nodes;
 use crate::network::{NodeColors, OnNode, visit};
 use crate::packets::{Directions, FieldScratch, LANES, Places};
 
-/// Optical depth of a voxel from which nothing is seen behind it.
+/// Optical depth of an opaque voxel.
 const OPAQUE: f64 = 60.0;
 
 /// Nodes at which a model is evaluated: `side` along each axis of its cube.
@@ -30,7 +30,7 @@ impl Samples {
     }
 
     /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and their positions.
-    /// Nodes that touch no occupied cell are left out.
+    /// Nodes that touch no occupied cell are skipped.
     fn for_each(
         &self,
         x: usize,

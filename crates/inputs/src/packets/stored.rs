@@ -19,7 +19,7 @@ pub struct Matrix {
     pub inputs: usize,
 }
 
-/// Numbers that follow each other in a file.
+/// Consecutive numbers in a file.
 #[derive(Debug, Clone)]
 pub struct Values {
     /// Of numbers, or of their bytes.

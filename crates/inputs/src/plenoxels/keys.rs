@@ -23,12 +23,12 @@ pub fn knows(file: &TensorFile) -> bool {
     lightning::knows(file) || has("links") && (has("sh_data") || has("density_data") || has("data"))
 }
 
-/// True for files that do not state their cells, which an option may.
+/// True for files that do not state their cells; an option can.
 pub fn takes_resolution(file: &TensorFile) -> bool {
     lightning::knows(file)
 }
 
-/// Finds the arrays; nothing of svox2's own is read.
+/// Finds the arrays, without reading svox2's own.
 pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Arrays> {
     let root = &file.root;
     refuse_basis(root)?;
@@ -109,7 +109,7 @@ fn rows(tensor: &Tensor, limits: &Limits) -> Result<RowArray> {
     RowArray::new(tensor, usize::try_from(width).unwrap_or(0), limits)
 }
 
-/// Refuses colours that are no harmonics.
+/// Refuses colours that are not harmonics.
 fn refuse_basis(root: &Value) -> Result<()> {
     let Some(basis) = root.get("basis_type") else { return Ok(()) };
     let found = match basis.integer("basis_type")? {

@@ -27,7 +27,7 @@
 //!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of the
 //! renderer `cuvol`: samples from the face of the outermost cells on, colours cut at 0 at each
-//! sample, no upper limit, an end at a transmittance of `stop_thresh`.
+//! sample, no upper limit, and rays end at a transmittance of `stop_thresh`.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

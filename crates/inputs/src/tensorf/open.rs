@@ -28,7 +28,7 @@ pub fn knows(file: &TensorFile) -> bool {
     keys::knows(file) || nerfstudio::knows(file)
 }
 
-/// Opens a file of TensoRF. Factors stay in the file until a node is asked for.
+/// Opens a file of TensoRF. Factors stay in the file until a node is requested.
 ///
 /// # Errors
 /// `Unsupported` for other activations and shadings, and scenes in normalised
@@ -51,7 +51,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let scene = scene(settings, background, options);
     let (side_file, mut assumptions) =
         pictures.map_or_else(Default::default, |run| (run.file, run.assumptions));
-    // Colours of the model are limited at each sample; those of a network were fitted.
+    // Colours of the model are clamped at each sample; those of a network were fitted.
     let (stored, evaluation) = match arrays.shading {
         ShadingFile::Rgb => (None, Evaluation::Ray),
         ShadingFile::Harmonics => (Some(DEGREE), Evaluation::Sample),

@@ -14,7 +14,7 @@ pub(super) const STORED_FUNCTIONS: usize = 9;
 /// Octaves of an encoding, at most.
 const OCTAVES: i64 = 24;
 
-/// A shading that was found; its weights are not yet read.
+/// A shading with unread weights.
 #[derive(Debug, Clone)]
 pub(super) enum ShadingFile {
     /// Features are colours.
