@@ -1,4 +1,4 @@
-//! The files of an export: they get their names together, or not at all.
+//! The files of an export, which get their names together or not at all.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -16,7 +16,7 @@ pub struct ExportErrors {
     pub pooled_psnr: f64,
 }
 
-/// The distance of an export from its source, one ray a pixel. The source's samples all read
+/// The distance of an export from its source, one ray per pixel. All samples of the source read
 /// `level`. [`Step::Render`] advances by tiles.
 ///
 /// # Errors

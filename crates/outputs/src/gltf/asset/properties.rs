@@ -1,6 +1,5 @@
 //! The objects of `MIPVOG_radiance_field`: everything that a viewer must know before it fetches the
-//! container. Words for rules are those of the container's metadata, so no reader has to map one to
-//! the other.
+//! container. Rules have the names of the container's metadata, so that readers need no mapping.
 
 use serde::{Deserialize, Serialize};
 
