@@ -1,4 +1,5 @@
-//! Viewpoints of `render`: given cameras, ways around the scene, flights, and the whole scene.
+//! Viewpoints of `render`: given cameras, paths around the scene, paths through cameras, and the
+//! whole scene.
 
 use clap::Args;
 
