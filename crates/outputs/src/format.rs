@@ -68,7 +68,7 @@ pub trait ExportFormat: Sync {
     ///
     /// # Errors
     ///
-    /// Those of reading.
+    /// Errors of reading.
     fn read_back(
         &self,
         source: &ExportSource,

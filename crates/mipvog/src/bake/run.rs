@@ -158,7 +158,7 @@ impl Packer<'_> {
         Ok(Packed { metadata, encoded, nonfinite_color: summary.nonfinite_color })
     }
 
-    /// The best container of at most so many bytes; `head` has its parts beside the levels.
+    /// The best container of at most this many bytes; `head` has its parts beside the levels.
     fn within(&mut self, bytes: u64, head: &Head) -> Result<(Packed, Chosen)> {
         let is_moved = self.options.is_seen_nearby() && !self.importance.is_empty();
         max_bytes::search(bytes, self.metadata.levels.len(), |dropped, factor| {

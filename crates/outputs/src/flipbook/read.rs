@@ -15,7 +15,7 @@ use crate::volume::{Extinction, POINTS, SIDE, VolumePoints};
 ///
 /// # Errors
 ///
-/// Those of reading, and a description that does not fit the picture.
+/// Errors of reading, and a description that does not fit the picture.
 pub fn read(files: &WrittenFiles, limits: &Limits) -> Result<VolumePoints> {
     let text = files.with_extension("json")?;
     let bytes = text.read(0, text.length(), limits.header_bytes)?;

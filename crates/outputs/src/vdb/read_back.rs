@@ -12,7 +12,7 @@ use mipvog_inputs::vdb::{Tree, VdbGrid, read_grid};
 /// The grids of density and colour, rotated to a world with z up.
 ///
 /// # Errors
-/// Those of reading.
+/// Errors of reading.
 pub fn read_points(files: &WrittenFiles, limits: &Limits) -> Result<[VdbGrid; 2]> {
     let file = tensor::open_file(&files.with_extension("vdb")?, limits)?;
     let mut budget = Budget::new(limits);

@@ -21,7 +21,7 @@ use crate::unpacked::Unpacked;
 ///
 /// # Errors
 ///
-/// Those of reading level 0.
+/// Errors of reading level 0.
 pub fn drop_islands(unpacked: &mut Unpacked, fewest: u64) -> Result<IslandReport> {
     let visible = visible_nodes(unpacked, 0)?;
     let parts = Parts::of(&visible);

@@ -148,7 +148,7 @@ fn at_place(at: f32, scale: f32, translate: f32) -> f32 {
     (f64::from(at) * f64::from(scale) + f64::from(translate)) as f32
 }
 
-/// A box of so many nodes, scaled and moved.
+/// A box of this many nodes, scaled and moved.
 fn moved(bounds: &Bounds, nodes: [usize; 3], placement: &Placement) -> Result<Bounds> {
     let mut moved = *bounds;
     for axis in 0..3 {

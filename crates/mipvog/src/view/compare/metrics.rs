@@ -43,7 +43,7 @@ pub fn square_error(want: &[f32], got: &[f32]) -> f64 {
     pairs.map(|(want, got)| (f64::from(*want) - f64::from(*got)).powi(2)).sum()
 }
 
-/// `-10 log10(mean square error)`, in dB, of the sum of so many squares.
+/// `-10 log10(mean square error)`, in dB, of the sum of this many squares.
 pub fn psnr_of(square_error: f64, count: usize) -> f64 {
     let mean = square_error / count.max(1) as f64;
     if mean < 1e-20 { HIGHEST_PSNR } else { -10.0 * libm::log10(mean) }

@@ -28,7 +28,7 @@ pub(crate) enum Content {
     Model(Box<dyn TrainedModel>),
 }
 
-/// Values whose colours and features have so many lanes; lanes without a channel are zero.
+/// Values whose colours and features have this many lanes; lanes without a channel are zero.
 #[derive(Debug)]
 pub(crate) enum Lanes {
     Four(Stored<4>),

@@ -53,7 +53,7 @@ impl<const C: usize> Dense<C> {
     ///
     /// # Errors
     ///
-    /// Those of reading, values that are not finite, more memory than `limits` allow, and `Usage`
+    /// Errors of reading, values that are not finite, more memory than `limits` allow, and `Usage`
     /// for coarser levels of a field with shells.
     pub fn new(
         field: &RadianceField,
