@@ -1,11 +1,11 @@
 //! The formats of `export`.
 //!
-//! To add one: write a type that implements [`ExportFormat`] in `crates/outputs`, and give it a row in
-//! [`FORMATS`]. The trait asks for
+//! To add one: write a type that implements [`ExportFormat`] in `crates/outputs`, and give it a row
+//! in [`FORMATS`]. The trait asks for
 //!
 //! 1. `check`, which refuses names and sizes before any work;
-//! 2. `write`, which hands whole files to [`mipvog_outputs::export_files::ExportFiles`] and lists what
-//!    is lost;
+//! 2. `write`, which hands whole files to [`mipvog_outputs::export_files::ExportFiles`] and lists
+//!    what is lost;
 //! 3. `read_back`, a separate reader of the written bytes that renders by the format's own rules.
 //!
 //! `cli/export.rs` does the rest: refusing existing files, pictures of both sides, the gate,

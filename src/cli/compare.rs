@@ -51,8 +51,8 @@ pub struct Arguments {
     /// The field to measure: a container, a glTF asset or a trained input
     #[arg(value_parser = input_path())]
     field: PathBuf,
-    /// Folder for heat maps of the error: black is no error, white 0.25 or more; or a page.html that
-    /// shows reference, field and error side by side
+    /// Folder for heat maps of the error: black is no error, white 0.25 or more; or a page.html
+    /// that shows reference, field and error side by side
     #[arg(short, long, value_name = "DIR|PAGE.html")]
     output: Option<PathBuf>,
     /// Render both at the same size at each scale and compare those

@@ -46,7 +46,7 @@ impl ComparePage {
     ///
     /// # Errors
     ///
-    /// Those of writing a PNG.
+    /// Errors of writing a PNG.
     pub fn add(&mut self, errors: &FrameErrors) -> Result<()> {
         if self.last.as_deref() != Some(errors.frame) {
             self.frames += 1;

@@ -65,7 +65,8 @@ pub struct Arguments {
     /// box is [default: 0, and all of them for html, glb and splat]
     #[arg(long = "box", value_name = "K")]
     nested_box: Option<usize>,
-    /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]
+    /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the
+    /// format's]
     #[arg(long, value_name = "K", conflicts_with = "resolution")]
     supersample: Option<usize>,
     /// Leave out everything outside this box, in world coordinates
@@ -210,7 +211,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Ok(Outcome { failure, ..outcome })
 }
 
-/// What an export lacks; of nested boxes it shows the one of this number.
+/// The missing content of an export, which has only the nested box of this number.
 fn lost_of(mut lost: Vec<String>, number: Option<usize>) -> Vec<String> {
     match number {
         None => {}
@@ -345,8 +346,8 @@ impl Arguments {
         })
     }
 
-    /// The settings that the field is opened with. The resolution is the export's alone, but for
-    /// models without nodes, whose nodes it places too.
+    /// The settings for opening the field. The resolution applies only to the export, except for
+    /// models without nodes, where it also places their nodes.
     fn scene_of_source(&self, limits: &Limits) -> Result<SceneArguments> {
         let mut scene = self.scene.clone();
         if scene.resolution.is_some() {

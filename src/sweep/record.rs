@@ -124,7 +124,7 @@ fn read(path: &Path, limits: &Limits) -> Option<Vec<u8>> {
 pub struct Basis(Sha256);
 
 impl Basis {
-    /// Reads the input's values only where nothing else stands for them.
+    /// Reads the input's values only if no checksum represents them.
     pub fn new(source: &Source, cameras: &[Camera], options: &SweepOptions) -> Result<Self> {
         let mut basis = Self(Sha256::new());
         basis.add(env!("CARGO_PKG_VERSION").as_bytes());

@@ -28,7 +28,7 @@ impl Thumbnail {
     ///
     /// # Errors
     ///
-    /// Those of writing a PNG.
+    /// Errors of writing a PNG.
     pub(super) fn of(frame: &FrameErrors) -> Result<Self> {
         let (want, got) = (shrunk(frame.want), shrunk(frame.got));
         let (width, height) = (got.width, got.height);

@@ -23,7 +23,7 @@ impl<T> Lazy<T> {
     /// The thing.
     ///
     /// # Errors
-    /// Those of loading.
+    /// Errors of loading.
     pub fn get(&self, load: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         if let Some(thing) = self.loaded.get() {
             return Ok(Arc::clone(thing));

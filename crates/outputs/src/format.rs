@@ -54,7 +54,7 @@ pub trait ExportFormat: Sync {
     ///
     /// # Errors
     ///
-    /// Those of writing and of sizes, and a request to stop.
+    /// Errors of writing and of sizes, and a request to stop.
     fn write(
         &self,
         source: &ExportSource,
@@ -84,7 +84,7 @@ pub trait Shown {
     ///
     /// # Errors
     ///
-    /// Those of rendering, and a request to stop.
+    /// Errors of rendering, and a request to stop.
     fn picture(&self, camera: &Camera, progress: &dyn Progress) -> Result<Vec<[f32; 3]>>;
 }
 

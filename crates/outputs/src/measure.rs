@@ -21,7 +21,7 @@ pub struct ExportErrors {
 ///
 /// # Errors
 ///
-/// Those of rendering, and a request to stop.
+/// Errors of rendering, and a request to stop.
 pub fn export_errors(
     source: &Renderer,
     exported: &dyn Shown,

@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 /// The choice of a frame's 256 colours samples one of this many pixels: 1 is all, 30 the fewest.
 const SPEED: i32 = 10;
 
-/// A GIF that repeats for ever.
+/// A GIF that repeats forever.
 pub struct GifFilm {
     encoder: Encoder<Appended>,
     path: PathBuf,

@@ -17,7 +17,7 @@ const WITH_ALPHA: u8 = 0x10;
 /// A frame replaces the one before it, and is not blended with it.
 const REPLACES: u8 = 0x02;
 
-/// A WebP that repeats for ever.
+/// A WebP that repeats forever.
 pub struct WebpFilm {
     output: Output,
     path: PathBuf,

@@ -29,7 +29,7 @@ impl Lines {
     /// Opens a file.
     ///
     /// # Errors
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::io(error, path))?;
         Ok(Self { path: path.to_owned(), reader: BufReader::new(file), number: 0 })
@@ -38,7 +38,7 @@ impl Lines {
     /// The next line and its number, counted from 1.
     ///
     /// # Errors
-    /// Those of the operating system; `Malformed` for a line that is not UTF-8 or longer than
+    /// Errors of the operating system; `Malformed` for a line that is not UTF-8 or longer than
     /// [`LONGEST_LINE`].
     pub fn next_line(&mut self) -> Result<Option<(u64, String)>> {
         loop {
@@ -128,9 +128,10 @@ impl<'a> Manifest<'a> {
     /// `results` is the file of results, if there is one.
     ///
     /// # Errors
-    /// Those of the operating system; `Malformed` with the line that breaks the form, or that writes a
-    /// file that another line or the results have or one outside the folder, and for a file without lines; `Usage` for an
-    /// output that is an address, and for options that `check` refuses.
+    /// Errors of the operating system; `Malformed` with the line that breaks the form, or that
+    /// writes a file that another line or the results have or one outside the folder, and for a
+    /// file without lines; `Usage` for an output that is an address, and for options that `check`
+    /// refuses.
     pub fn open(
         path: &Path,
         words: &Words<'a>,

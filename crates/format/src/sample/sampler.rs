@@ -42,7 +42,7 @@ impl Sampler {
     ///
     /// # Errors
     ///
-    /// `Malformed` where its levels are damaged, `Unsupported` beyond 64 channels of colour and
+    /// `Malformed` if its levels are damaged, `Unsupported` beyond 64 channels of colour and
     /// features, and `OverLimit` for more memory than the limits allow.
     pub fn of_container(container: &Container) -> Result<Self> {
         let limits = container.limits();

@@ -1,7 +1,7 @@
 //! Empty space that rays skip.
 //!
-//! The box is cut into *macro cells* of a few level-0 cells a side. A macro cell is *occupied* by a
-//! level if a sample of that level can be visible in it. For each level, each macro cell has a
+//! The box is cut into *macro cells* of a few level-0 cells per side. A macro cell is *occupied* by
+//! a level if a sample of that level can be visible in it. For each level, each macro cell has a
 //! *skip distance*: the Chebyshev distance to the nearest occupied one, in macro cells. A ray skips
 //! all closer macro cells at once.
 

@@ -25,7 +25,7 @@ const COARSE_ALPHA: f64 = 1e-5;
 ///
 /// # Errors
 /// `Unsupported` for models that are not grids in a box or whose network runs for each
-/// sample, `Malformed` where parts are missing or do not fit, `InvalidOption` for options out of
+/// sample, `Malformed` if parts are missing or do not fit, `InvalidOption` for options out of
 /// range.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let path = file.file.path();

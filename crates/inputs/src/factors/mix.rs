@@ -51,7 +51,7 @@ impl FactorArrays {
     /// A grid with one channel, the sum of all products, or with channels from a matrix.
     ///
     /// # Errors
-    /// `Malformed` where shapes do not fit.
+    /// `Malformed` if shapes do not fit.
     pub fn new(terms: Terms, nodes: Nodes, mix: Option<Mix>) -> Result<Self> {
         let components = components(&terms, nodes.0)? as u64;
         let Some(Mix { tensor, by_component }) = &mix else {

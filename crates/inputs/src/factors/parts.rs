@@ -72,7 +72,7 @@ pub type Terms = Vec<Vec<Part>>;
 /// The components of all terms.
 ///
 /// # Errors
-/// `Malformed` where shapes are not those of the nodes, or parts of a term differ.
+/// `Malformed` if shapes are not those of the nodes, or parts of a term differ.
 pub fn components(terms: &Terms, nodes: [usize; 3]) -> Result<usize> {
     let mut sum = 0;
     for term in terms {

@@ -18,7 +18,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// An empty block, `edge` texels a side.
+    /// An empty block, `edge` texels per side.
     pub(super) fn new(edge: usize) -> Self {
         let (words, cubes) = (edge.pow(3).div_ceil(64), edge.div_ceil(SKIPPED_CUBE).pow(3));
         let (words, ranks) = (vec![0; words], vec![0; words]);

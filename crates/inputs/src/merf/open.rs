@@ -25,8 +25,8 @@ pub fn knows(file: &TensorFile) -> bool {
 /// Opens a folder: reads its parameters, checks its pictures, and reads the index picture.
 ///
 /// # Errors
-/// `Unsupported` for SMERF; `Malformed` where
-/// numbers and pictures do not fit each other; `Io` where a picture is missing.
+/// `Unsupported` for SMERF; `Malformed` if
+/// numbers and pictures do not fit each other; `Io` if a picture is missing.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let family = Family::Merf;
     folder::refuse_other_views(family.name(), options)?;

@@ -163,7 +163,7 @@ impl Loaded {
 /// directions from the middle, weighted by the light that is left.
 ///
 /// # Errors
-/// Those of loading.
+/// Errors of loading.
 #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
 pub(super) fn behind(file: &Arc<NerfactoFile>) -> Result<[f32; 3]> {
     let loaded = Loaded { file: Arc::clone(file), model: file.load()? };

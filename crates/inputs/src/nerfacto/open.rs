@@ -40,7 +40,7 @@ pub fn knows(file: &TensorFile) -> bool {
 /// Opens a checkpoint of nerfacto.
 ///
 /// # Errors
-/// `Unsupported` for other methods of the same arrays, `Malformed` where arrays do not follow each
+/// `Unsupported` for other methods of the same arrays, `Malformed` if arrays do not follow each
 /// other, `InvalidOption` for an appearance that the model does not have.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     if let MlpChoice::File(_) = options.mlp {

@@ -65,7 +65,7 @@ impl NetworkFile {
     /// to three colours.
     ///
     /// # Errors
-    /// `Malformed` where shapes do not follow each other, or without layers.
+    /// `Malformed` if shapes do not follow each other, or without layers.
     pub fn new(layers: Vec<[Tensor; 2]>, inputs: Inputs, features: usize) -> Result<Self> {
         if layers.is_empty() {
             let place = Place::Key("network".to_owned());
@@ -110,7 +110,7 @@ impl NetworkFile {
     /// Reads the weights.
     ///
     /// # Errors
-    /// Errors of reading, and weights that are no numbers.
+    /// Errors of reading, and NaN weights.
     pub fn load(&self, budget: &mut Budget) -> Result<Network> {
         let mut layers = Vec::new();
         for [weight, bias] in &self.layers {

@@ -5,7 +5,7 @@ use crate::base::limits::{self, Budget, Limits};
 use crate::model::grid::Element;
 use crate::tensor::Tensor;
 
-/// Levels of a tree, at most: 2^16 cells a side.
+/// Levels of a tree, at most: 2^16 cells per side.
 const MAX_LEVELS: usize = 16;
 
 /// A tree whose nodes have eight cells each, numbered `8 node + 4 i + 2 j + k`.

@@ -71,7 +71,7 @@ pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     arrays.checked(&Place::Tensor(name.to_owned()))
 }
 
-/// The spheres behind the box, if there are any.
+/// The spheres behind the box, if any.
 ///
 /// # Errors
 /// Those of [`SphereFile::new`], and `Malformed` for values without links.

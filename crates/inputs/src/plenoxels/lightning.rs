@@ -76,7 +76,7 @@ fn rows(file: &TensorFile, data: &Tensor, width: usize, limits: &Limits) -> Resu
     RowArray::quantized(data, scales.collect(), limits)
 }
 
-/// The spheres behind the box, if there are any.
+/// The spheres behind the box, if any.
 pub(super) fn spheres(file: &TensorFile, limits: &Limits) -> Result<Option<Arc<SphereFile>>> {
     let Some(data) = value(file, "model.background_data").and_then(Value::tensor) else {
         return Ok(None);

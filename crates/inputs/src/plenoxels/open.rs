@@ -27,7 +27,7 @@ const OFFSET: f32 = 0.5;
 ///
 /// # Errors
 /// `Unsupported` for other bases, scenes in normalised device coordinates and renderers that do not
-/// interpolate; `Malformed` where arrays are missing or do not fit.
+/// interpolate; `Malformed` if arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let arrays = find(file, options, limits)?;
     let beside = ArgumentsFile::beside(file.file.path(), limits)?;

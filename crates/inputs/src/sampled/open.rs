@@ -25,7 +25,7 @@ const STEPSIZE: f32 = 0.5;
 /// Opens a file of sampled arrays. Values stay in the file.
 ///
 /// # Errors
-/// `Malformed` where arrays are missing or do not fit.
+/// `Malformed` if arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let (mut arrays, mut around) = Arrays::find_all(file, limits)?;
     if options.drop_background {

@@ -28,8 +28,8 @@ enum Rule {
     Dense,
     /// A table of row numbers; negative numbers mean none.
     Links { tensor: Tensor, limits: Limits, storage: Mutex<Option<Storage>> },
-    /// Cubes of rows, `edge` nodes a side, z fastest within; and the number of each cube's block, z
-    /// fastest. [`NO_ROW`] means none.
+    /// Cubes of rows, `edge` nodes per side, z fastest within; and the number of each cube's block,
+    /// z fastest. [`NO_ROW`] means none.
     Blocks { edge: usize, counts: [usize; 3], table: Vec<u32> },
     /// Another structure.
     Other(Box<dyn PlaneRows>),

@@ -114,7 +114,7 @@ fn corners(cube: Cube) -> [[f64; 3]; 2] {
     [low, low.map(|low| low + f64::from(cube.edge))]
 }
 
-/// A cube of the finest level behind the face through which a ray leaves a cube, and none where the
+/// A cube of the finest level behind the face through which a ray leaves a cube, and none if the
 /// octree ends.
 fn behind(cube: Cube, origin: [f64; 3], direction: [f64; 3], exit: f64) -> Option<[u32; 3]> {
     let [low, high] = corners(cube);

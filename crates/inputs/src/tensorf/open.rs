@@ -20,7 +20,7 @@ use crate::tensor::TensorFile;
 
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
-/// The degree of the shading `SH`, and of a fit that nobody asked for another of.
+/// The degree of the shading `SH`, and the default degree of a fit.
 const DEGREE: usize = 2;
 
 /// True for a file with the keys of TensoRF, or with those of nerfstudio's `tensorf`.
@@ -32,7 +32,7 @@ pub fn knows(file: &TensorFile) -> bool {
 ///
 /// # Errors
 /// `Unsupported` for other activations and shadings, and scenes in normalised
-/// device coordinates; `Malformed` where arrays are missing or do not fit.
+/// device coordinates; `Malformed` if arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let other = nerfstudio::knows(file);
     let mut arrays = match other {

@@ -42,7 +42,7 @@ pub struct Forecast {
     pub seconds: Option<f64>,
     /// Steps of a fit in all, at most.
     pub fit_steps: Option<usize>,
-    /// The least bound on memory that the bake would keep to; none where it has no bound.
+    /// The least bound on memory that the bake would keep to; none if it has no bound.
     pub least_memory_bytes: Option<u64>,
     /// Bytes that the bake holds at once beyond those of the windows: compressed runs wait for the
     /// coarsest level. None if levels are fitted: a fit holds pictures and whole levels.

@@ -77,7 +77,7 @@ pub fn search<T>(
     let mut least = u64::MAX;
     for dropped in 0..levels {
         let coarsest = match attempt(dropped, factor(0)) {
-            // Some levels cannot be dropped: those that are left are too large.
+            // Some levels cannot be dropped, and the remaining ones are too large.
             Err(error)
                 if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
             {

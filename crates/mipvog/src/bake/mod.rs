@@ -3,7 +3,7 @@
 //! 1. **Visible** ([`prepare`]): passes over density find the nodes of every level whose values
 //!    must be exact, and the blocks to keep. With `min_weight`, nodes that given cameras do not see
 //!    are dropped too.
-//! 2. **Fit** ([`fit`]), if asked for: coarser levels are fitted to pictures of level 0.
+//! 2. **Fit** ([`fit`]), if requested: coarser levels are fitted to pictures of level 0.
 //! 3. **Encodings and encode** ([`pack`]): planes of all levels stream from a source ([`levels`])
 //!    into sinks. If an error is requested instead of bits, one pass finds each level's value
 //!    ranges ([`ranges`]) and the fewest bits for them. The next pass quantizes planes, cuts blocks

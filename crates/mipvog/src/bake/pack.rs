@@ -27,7 +27,7 @@ pub struct Packing<'a> {
     pub source: &'a dyn LevelSource,
     /// The nodes of each level whose values count.
     pub retained: Vec<&'a NodeMask>,
-    /// The choice of encodings; none where those in the metadata are final.
+    /// The choice of encodings; none if those in the metadata are final.
     pub choice: Option<EncodingChoice>,
     /// The bound that values are held to as they are encoded.
     pub bound: ErrorBound,

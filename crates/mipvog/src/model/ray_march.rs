@@ -116,7 +116,7 @@ pub struct Steps {
     pub end: f64,
 }
 
-/// What follows a sample.
+/// The next step after a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Next {
     /// The next one.

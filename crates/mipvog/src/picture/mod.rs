@@ -45,7 +45,7 @@ pub struct Channels {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Names, and a value a pixel, rows from the top.
+    /// Names, and one value per pixel, rows from the top.
     pub channels: Vec<(String, Vec<f32>)>,
 }
 

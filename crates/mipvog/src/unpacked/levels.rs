@@ -33,7 +33,7 @@ pub struct Unpacked {
     pub content: Option<u32>,
     /// Levels, finest first, then shells: the parts of the metadata.
     pub levels: Vec<UnpackedLevel>,
-    /// View-dependent colour, if there is any.
+    /// View-dependent colour, if any.
     pub view_mlp: Option<ViewMlp>,
     /// The free-space mask, if there is one.
     pub free_space: Option<FreeSpace>,
@@ -101,7 +101,7 @@ impl Unpacked {
     /// # Errors
     ///
     /// [`ErrorKind::Unsupported`](crate::base::error::ErrorKind::Unsupported) where level 0 was a
-    /// coarser one, whose densities are no logits; `OverLimit` where dense values take more memory
+    /// coarser one, whose densities are no logits; `OverLimit` if dense values take more memory
     /// than `limits` allow.
     pub fn field(&self, limits: &Limits) -> Result<Option<RadianceField>> {
         let metadata = &self.metadata;

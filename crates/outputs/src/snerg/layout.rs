@@ -25,7 +25,7 @@ impl Layout {
     /// For this many blocks, as cubic as possible.
     ///
     /// # Errors
-    /// `InvalidOption` where they do not fit.
+    /// `InvalidOption` if they do not fit.
     pub(super) fn new(grid: &VoxelGrid, blocks: usize, mips: bool) -> Result<Self> {
         let edge = grid.edge();
         let most = (LARGEST_SIDE / edge).min(usize::from(EMPTY));

@@ -81,7 +81,7 @@ impl FileKind {
     /// Writes splats in training axes. `bits` are those after the point of positions in `.spz`.
     ///
     /// # Errors
-    /// Those of writing.
+    /// Errors of writing.
     pub fn write(
         self,
         splats: &[GaussianSplat],

@@ -166,7 +166,7 @@ impl Fit {
 }
 
 impl State {
-    /// A step of Adam, and the bounds of what it may change.
+    /// A step of Adam, with clamping.
     fn change(
         &mut self,
         splat: &mut GaussianSplat,

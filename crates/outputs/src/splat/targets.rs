@@ -24,7 +24,7 @@ const STANDPOINTS: usize = 4;
 /// The pictures: those of given cameras, or of cameras all around; in a world, of cameras inside.
 ///
 /// # Errors
-/// Those of rendering, and a request to stop.
+/// Errors of rendering, and a request to stop.
 pub(super) fn targets(
     source: &ExportSource,
     options: &ExportOptions,

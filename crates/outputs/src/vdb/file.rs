@@ -36,7 +36,7 @@ pub struct GridPlan<'a> {
 /// Writes a file. The uuid is derived from the bytes.
 ///
 /// # Errors
-/// Those of writing, and a request to stop.
+/// Errors of writing, and a request to stop.
 pub fn write_file(
     output: &mut Output,
     volume: &SparseVolume,

@@ -23,7 +23,7 @@ impl LinkedFolder {
     ///
     /// # Errors
     ///
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn new(beside: &Path) -> Result<Self> {
         let made = made_and_noted(|| {
             let folder = tempfile::Builder::new().prefix(stale::PREFIX).tempdir_in(beside)?;
@@ -37,7 +37,7 @@ impl LinkedFolder {
     ///
     /// # Errors
     ///
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn add(&mut self, place: &Path, name: &OsStr) -> Result<()> {
         let link = self.path().join(name);
         self.unfinished.push(Unfinished::note(&link));

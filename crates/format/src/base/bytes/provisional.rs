@@ -19,7 +19,7 @@ impl Provisional {
     /// Makes a folder and its missing parents.
     ///
     /// # Errors
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn create_folder(&mut self, folder: &Path) -> Result<()> {
         make_folders(folder, &mut self.made)?;
         stale::remove(folder);

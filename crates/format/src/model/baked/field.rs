@@ -10,7 +10,7 @@ use crate::model::view_mlp::ViewMlp;
 pub struct BakedField {
     /// The metadata.
     pub metadata: Metadata,
-    /// View-dependent colour, if there is any.
+    /// View-dependent colour, if any.
     pub view_mlp: Option<ViewMlp>,
     /// The free-space mask, if dropping it would be visible.
     pub free_space: Option<FreeSpace>,

@@ -51,7 +51,7 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
             let at = |world: f32| (f64::from(world) - f64::from(bounds.min[axis])) / spacing[axis];
             let (first, last) = (at(kept.min[axis]).floor() - 1.0, at(kept.max[axis]).ceil() + 1.0);
             let end = (grid.nodes.0[axis] - 1) as f64;
-            // None where they do not meet.
+            // None if they do not meet.
             let meets = last >= 0.0 && first <= end;
             let blocks = |node: f64| node.clamp(0.0, end) as usize / grid.edge;
             meets.then(|| blocks(first)..=blocks(last))

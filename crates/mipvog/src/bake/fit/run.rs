@@ -19,7 +19,7 @@ use crate::view::sample::Stored;
 /// `masked` is true if renderers will have the free-space mask.
 ///
 /// # Errors
-/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` where the pictures do
+/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` if the pictures do
 /// not fit in the memory of `limits`, `Cancelled`.
 pub fn fit(
     field: &RadianceField,

@@ -95,7 +95,7 @@ impl Targets {
     /// or pictures of level 0.
     ///
     /// # Errors
-    /// Cameras that cannot be rendered, photographs that cannot be read, `OverLimit` where pictures
+    /// Cameras that cannot be rendered, photographs that cannot be read, `OverLimit` if pictures
     /// do not fit in the memory of `limits`, `Cancelled`.
     pub fn new(
         field: &Renderer,
@@ -240,7 +240,7 @@ pub fn is_held_out(picture: usize) -> bool {
     picture % VALIDATION == VALIDATION - 1
 }
 
-/// What a camera sees.
+/// The picture of a camera.
 struct Shot {
     camera: Camera,
     /// Colour over the background.

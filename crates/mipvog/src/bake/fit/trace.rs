@@ -140,7 +140,7 @@ fn composite<const C: usize>(
 }
 
 impl<'a, const C: usize> Rays<'a, C> {
-    /// Composites a ray, leaving its samples in `samples`. None where it misses the box.
+    /// Composites a ray, leaving its samples in `samples`. None if it misses the box.
     pub fn trace(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
         follow(self, target, samples)
     }

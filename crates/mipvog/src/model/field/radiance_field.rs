@@ -154,7 +154,7 @@ impl RadianceField {
         self.view.as_ref().and_then(ViewDependence::network)
     }
 
-    /// The harmonics, if there are any.
+    /// The harmonics, if any.
     pub fn harmonics(&self) -> Option<&Harmonics> {
         self.view.as_ref().and_then(ViewDependence::harmonics)
     }

@@ -86,7 +86,7 @@ macro_rules! in_lanes {
 impl Renderer {
     /// A trained field, with coarser levels if `levels` has a filter. All of its values are read.
     ///
-    /// # Errors `Malformed` where the field's parts do not fit each other, `Unsupported` beyond 64
+    /// # Errors `Malformed` if the field's parts do not fit each other, `Unsupported` beyond 64
     /// channels of colour and features, and errors of reading the values.
     pub fn trained(
         field: &RadianceField,
@@ -105,7 +105,7 @@ impl Renderer {
     /// A model with rules of its own, which takes box, background, near and far from `field`.
     ///
     /// # Errors
-    /// `Malformed` where the field's parts do not fit each other, and those of loading.
+    /// `Malformed` if the field's parts do not fit each other, and those of loading.
     pub fn of_model(field: &RadianceField, model: &dyn LoadModel, limits: &Limits) -> Result<Self> {
         field.check()?;
         Ok(Self { view: view_of(field, None), content: Content::Model(model.load(limits)?) })
@@ -114,7 +114,7 @@ impl Renderer {
     /// A baked field.
     ///
     /// # Errors
-    /// `Malformed` where metadata or codes break the rules of a container.
+    /// `Malformed` if metadata or codes break the rules of a container.
     pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
         check_metadata(&field.metadata, limits, &Place::File)?;
         field.check()?;
@@ -127,7 +127,7 @@ impl Renderer {
     /// All levels of a container, within the limits that it was opened with.
     ///
     /// # Errors
-    /// `Malformed` where its levels are damaged, and more memory than the limits allow.
+    /// `Malformed` if its levels are damaged, and more memory than the limits allow.
     pub fn of_container(container: &Container) -> Result<Self> {
         Self::baked(&container.read()?, container.limits())
     }

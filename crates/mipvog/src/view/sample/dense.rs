@@ -38,7 +38,7 @@ pub struct Dense<const C: usize> {
     empty_raw: f32,
 }
 
-/// Values of a level's nodes, z fastest. Densities and anisotropy are empty where the level has
+/// Values of a level's nodes, z fastest. Densities and anisotropy are empty if the level has
 /// none.
 #[derive(Debug)]
 pub struct NodesMut<'a, const C: usize> {

@@ -47,7 +47,7 @@ pub struct RadianceField {
     /// The deferred network; none for a diffuse field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mlp: Option<Mlp>,
-    /// The rules of harmonics; none where colours are no coefficients.
+    /// The rules of harmonics; none if colours are no coefficients.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub harmonics: Option<Harmonics>,
 }

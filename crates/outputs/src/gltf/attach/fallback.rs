@@ -53,7 +53,7 @@ pub fn write_fallback(
 /// Writes a GLB of a mesh alone to `output`, complete but not yet finished.
 ///
 /// # Errors
-/// Those of writing; `Malformed` for a mesh that is not finite.
+/// Errors of writing; `Malformed` for a mesh that is not finite.
 pub fn write_mesh(mesh: &Mesh, output: &mut Output) -> Result<()> {
     let (document, bytes) = document_of(std::slice::from_ref(mesh))?;
     write_glb(&document.to_string(), &[Piece::Bytes(bytes)], None, output)

@@ -37,7 +37,7 @@ pub fn renderer(container: &Container) -> Result<Renderer> {
 /// the edge of a cell of the grid that the mesh was made of, in world units.
 ///
 /// # Errors
-/// Those of rendering.
+/// Errors of rendering.
 pub fn color(soup: &mut TriangleSoup, field: &Renderer, cell: f64) -> Result<()> {
     let rays: Vec<Ray> = soup
         .positions
