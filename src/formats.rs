@@ -1,16 +1,16 @@
 //! The formats of `export`.
 //!
-//! To add one: write a type that implements [`ExportFormat`] in `crates/outputs`, and give it a row in
-//! [`FORMATS`]. The trait asks for
+//! To add one: write a type that implements [`ExportFormat`] in `crates/outputs`, and give it a row
+//! in [`FORMATS`]. The trait asks for
 //!
 //! 1. `check`, which refuses names and sizes before any work;
-//! 2. `write`, which hands whole files to [`mipvog_outputs::export_files::ExportFiles`] and lists what
-//!    is lost;
-//! 3. `read_back`, an own reader of the written bytes that renders by the format's own rules.
+//! 2. `write`, which hands whole files to [`mipvog_outputs::export_files::ExportFiles`] and lists
+//!    what is lost;
+//! 3. `read_back`, a separate reader of the written bytes that renders by the format's own rules.
 //!
-//! `cli/export.rs` does the rest: names that are taken, pictures of both sides, the gate, digests, the
-//! report. Options of one format alone are fields of [`mipvog_outputs::format::ExportOptions`],
-//! arguments there, and names in `options`.
+//! `cli/export.rs` does the rest: refusing existing files, pictures of both sides, the gate,
+//! digests, the report. Options of a single format are fields of
+//! [`mipvog_outputs::format::ExportOptions`], arguments in that file, and names in `options`.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ use crate::html::Html;
 /// Every format, in the order of `--help`.
 pub static FORMATS: [&dyn ExportFormat; 7] = [&Vdb, &Usd, &Glb, &Html, &Splat, &Flipbook, &Snerg];
 
-/// Names that people try, and extensions of outputs, by the format that they mean.
+/// Alternative names and extensions of outputs, by format.
 const OTHER_NAMES: [(&str, &str); 13] = [
     ("openvdb", "vdb"),
     ("usda", "usd"),
@@ -45,7 +45,8 @@ const OTHER_NAMES: [(&str, &str); 13] = [
     ("sprites", "flipbook"),
 ];
 
-/// Those of the names above that are one kind of file of several: the output must end in them.
+/// Those of the names above that are one of a format's kinds of files: the output must have this
+/// extension.
 const KINDS: [&str; 4] = ["ply", "spz", "png", "exr"];
 
 /// Other names of a format.
@@ -53,7 +54,7 @@ pub fn other_names(format: &str) -> impl Iterator<Item = &'static str> {
     OTHER_NAMES.into_iter().filter(move |(_, own)| *own == format).map(|(other, _)| other)
 }
 
-/// The format that an output's extension means.
+/// The format for an output's extension.
 fn format_of_extension(extension: &str) -> Option<&'static dyn ExportFormat> {
     let other = OTHER_NAMES.into_iter().find(|(other, _)| *other == extension);
     format_named(other.map_or(extension, |(_, own)| own))
@@ -67,7 +68,7 @@ fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
 /// The format of an export, by its name or by the extension of the output.
 ///
 /// # Errors
-/// `Usage` where neither says one.
+/// `Usage` if neither names one.
 pub fn format_of(name: Option<&str>, output: &Path) -> Result<&'static dyn ExportFormat> {
     let extension = output.extension().and_then(|extension| extension.to_str());
     if let Some(kind) = name.filter(|name| KINDS.contains(name) && extension != Some(*name)) {

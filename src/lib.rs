@@ -1,5 +1,5 @@
-//! The program `mipvog-bake`: its verbs, reports and exit codes, the checks of `validate`, sweeps and
-//! the server of `view`.
+//! The program `mipvog-bake`: its verbs, reports and exit codes, the checks of `validate`, sweeps
+//! and the server of `view`.
 //!
 //! This library is for the program, for its Python module and for its tests. Programs in Rust use
 //! the crates below it: `mipvog` bakes, reads and renders, `mipvog-inputs` opens trained models,

@@ -1,5 +1,5 @@
-//! Findings of a glTF asset that general validators of glTF cannot make: those of its radiance
-//! fields and of the containers behind them.
+//! Findings in a glTF asset that general glTF validators cannot make: in its radiance fields and
+//! their containers.
 
 use std::sync::Arc;
 
@@ -38,8 +38,8 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
     Ok(())
 }
 
-/// Positions of vertices that lead nowhere. They are reported here and made to lead somewhere,
-/// because the rules of the library look behind them unchecked.
+/// Invalid references to vertex positions. They are reported and replaced, because the library's
+/// rules follow them unchecked.
 fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     let accessors = root.accessors.len();
     let name = Checked::Valid(Semantic::Positions);
@@ -63,16 +63,16 @@ fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Values that glTF lets a document leave out, and the library does not: an accessor without a view
-/// is zeros, a texture's source may be an extension's.
+/// Adds values that are optional in glTF but required by the library: an accessor without a view is
+/// zeros, a texture's source may be an extension's.
 fn may_be_missing(pointer: &str) -> bool {
     let parts: Vec<&str> = pointer.split('/').skip(1).collect();
     matches!(*parts, ["accessors", _, "bufferView"] | ["textures", _, "source"])
 }
 
-/// A document in the words that the library reads: whole numbers written as such, scenes with their
-/// lists, and targets of channels with their nodes. Other documents of glTF 2.0 say the same
-/// without; a target without a node is an extension's.
+/// A document in the form that the library reads: integers written as integers, scenes with their
+/// lists, and channel targets with their nodes. glTF 2.0 allows other forms; a target without a
+/// node is an extension's.
 fn in_plain_words(value: &mut Value) {
     let has_nodes = value.pointer("/nodes/0").is_some();
     let animations = value.get_mut("animations").and_then(Value::as_array_mut);
@@ -112,7 +112,7 @@ fn whole_numbers(value: &mut Value) {
     }
 }
 
-/// Checks the rules of glTF 2.0 for every document that do not depend on extensions.
+/// Checks those rules of glTF 2.0 that do not depend on extensions.
 fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
     let broken = |pointer: String, found: String, expected: &str, report: &mut Report| {
         let error = Error::malformed(Place::Pointer(pointer), found, expected);
@@ -122,7 +122,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
         let found = format!("{behind} bytes after the stated end");
         broken(String::new(), found, "none: they belong to nothing", report)?;
     }
-    // Numbers that nobody can represent, such as 1e400, are no fault of what refers to things.
+    // Numbers that no type can represent, such as 1e400, are not faults of references.
     let Ok(mut document) = serde_json::from_str::<Value>(asset.text()) else { return Ok(()) };
     document::check(asset, &document, report)?;
     in_plain_words(&mut document);
@@ -139,7 +139,7 @@ fn general_rules(asset: &Asset, report: &mut Report) -> Result<()> {
         let pointer = path().to_string().replace(['.', '['], "/").replace(']', "");
         let pointer = format!("/{pointer}");
         let (found, expected) = match rule {
-            // Required extensions are the business of viewers.
+            // Viewers check required extensions.
             RuleError::Unsupported => return,
             RuleError::Missing if may_be_missing(&pointer) => return,
             RuleError::Missing => ("no value", "one"),

@@ -1,5 +1,5 @@
-//! Rules of glTF 2.0 that the library for its properties does not hold documents to: extensions that
-//! are required and not used, nodes below themselves, data that is not in its URI.
+//! Rules of glTF 2.0 that the library does not check: extensions that are required but not used,
+//! cycles of nodes, data missing from its URI.
 
 use serde_json::Value;
 
@@ -7,7 +7,7 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Finding, Report};
 use mipvog_outputs::gltf::asset::{Asset, uri};
 
-/// Reports what breaks these rules.
+/// Reports violations of these rules.
 pub fn check(asset: &Asset, document: &Value, report: &mut Report) -> Result<()> {
     let mut broken = |error| report(Finding { code: Code::AssetRule, error });
     let names = |key: &str| elements(document, key).filter_map(Value::as_str).collect::<Vec<_>>();
@@ -43,13 +43,13 @@ fn elements<'a>(document: &'a Value, key: &str) -> impl Iterator<Item = &'a Valu
     document.get(key).and_then(Value::as_array).into_iter().flatten()
 }
 
-/// Nodes that have themselves among the nodes below them, one of each circle.
+/// One node of each cycle.
 fn below_themselves(document: &Value) -> Vec<usize> {
     let index = |value: &Value| value.as_u64().and_then(|index| usize::try_from(index).ok());
     let children: Vec<Vec<usize>> = elements(document, "nodes")
         .map(|node| elements(node, "children").filter_map(index).collect())
         .collect();
-    // Nodes that are begun and not done lie above the one that is looked at.
+    // Nodes that are started but not done are ancestors of the current one.
     let (mut is_begun, mut is_done) = (vec![false; children.len()], vec![false; children.len()]);
     let mut found = Vec::new();
     for root in 0..children.len() {

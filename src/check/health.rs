@@ -1,8 +1,8 @@
 //! The health of a trained scene: one pass over its values, plane by plane.
 //!
-//! Memory is two planes a thread and a few numbers a plane, whatever the scene's size. Findings
-//! name the faults that training leaves without notice: values that are no numbers or far beyond
-//! all others, nothing or everything opaque, channels and network inputs that do nothing.
+//! Memory is two planes per thread and a few numbers per plane, whatever the scene's size. Findings
+//! name silent faults of training: values that are NaN or far outside the range, scenes that are
+//! fully empty or fully opaque, channels and network inputs without effect.
 
 use serde::Serialize;
 
@@ -16,7 +16,7 @@ use crate::model::view_mlp::ViewMlp;
 /// Opacity over one interval up to which a node counts as empty: the threshold of a bake without
 /// options.
 const EMPTY_OPACITY: f64 = 1e-3;
-/// Raw values beyond this come from no training that worked: logits of trained scenes end near 100.
+/// Raw values beyond this indicate failed training: logits of trained scenes end near 100.
 const LARGEST_RAW: f32 = 1e4;
 /// Share of nodes that must be empty for a scene to be worth pruning.
 const LEAST_EMPTY: f64 = 0.01;
@@ -116,7 +116,7 @@ fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
     })
 }
 
-/// Reads a plane; the tally knows its checksum.
+/// Reads a plane; the tally has its checksum.
 fn read(grid: &Grid, channel: usize, x: usize, values: &mut [f32]) -> Result<Tally> {
     let mut tally = Tally::default();
     grid.read_plane(channel, x, values, |stored| tally.checksum.update(stored))?;
@@ -179,7 +179,7 @@ fn merged(channel: usize, planes: &[Plane]) -> Tally {
     whole
 }
 
-/// Compares stated checksums with those of the values read.
+/// Compares stated checksums with those of the read values.
 fn checksums(field: &RadianceField, planes: &[Plane], report: &mut Report) -> Result<()> {
     let stated = Planes::new(field, None, Nonfinite::Empty);
     let channels = 1 + field.color_channels();
@@ -195,7 +195,7 @@ fn checksums(field: &RadianceField, planes: &[Plane], report: &mut Report) -> Re
     Ok(())
 }
 
-/// Values that are no numbers, or beyond all reason.
+/// Values that are not finite, or far out of range.
 fn values(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     if let NonfiniteCount { count, first: Some([_, x, y, z]) } = tally.found {
         let first = [channel.saturating_sub(1), x, y, z];
@@ -211,7 +211,7 @@ fn values(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Nothing is there, or something is everywhere.
+/// Scenes that are empty, or opaque everywhere.
 fn space(health: &Health, report: &mut Report) -> Result<()> {
     let (code, found, expected) = match health.empty_share {
         1.0 => (Code::SpaceEmpty, "no visible node".to_owned(), "some"),
@@ -225,7 +225,7 @@ fn space(health: &Health, report: &mut Report) -> Result<()> {
     report(Finding { code, error: Error::malformed(place, found, expected) })
 }
 
-/// A channel that says the same everywhere.
+/// A constant channel.
 fn dead(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     let Some([value, _]) = tally.seen_range.filter(|[low, high]| low == high) else {
         return Ok(());
@@ -235,7 +235,7 @@ fn dead(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     report(Finding { code: Code::ChannelDead, error })
 }
 
-/// Inputs of the first layer without a weight, whatever they stand for.
+/// Inputs of the first layer without a weight.
 fn unused_inputs(network: &ViewMlp) -> Vec<usize> {
     let Some(first) = network.layers.first() else { return Vec::new() };
     let unused = |input: &usize| {

@@ -1,4 +1,4 @@
-//! Findings of an input of a bake: the file, the scene that it makes, and the health of its values.
+//! Findings in an input of a bake: in the file, its scene, and the health of its values.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub fn check(
     };
     match opened {
         Ok(field) => health::check(&field, report),
-        // Another file, which an option names, is no fault of this one.
+        // A fault of another file, which an option names, is not a fault of this one.
         Err(error)
             if matches!(error.kind(), ErrorKind::Io(_))
                 && error.file().is_some_and(|path| path != file.path()) =>
@@ -35,7 +35,8 @@ pub fn check(
             Err(error)
         }
         Err(error) => {
-            // An unreadable file has the code of its syntax; a readable file may still be no scene.
+            // An unreadable file has the code of its syntax; a readable file may still not be a
+            // scene.
             let code = match error.kind() {
                 ErrorKind::Io(_) | ErrorKind::Truncated { .. } | ErrorKind::Checksum { .. } => {
                     Code::Input
@@ -54,7 +55,7 @@ fn unpacked(tensors: &TensorFile, limits: &Limits) -> Result<RadianceField> {
     field.ok_or_else(|| Error::malformed(Place::File, "no densities of level 0", "some"))
 }
 
-/// A checkpoint, as a bake takes it.
+/// A checkpoint, opened as for a bake.
 fn trained(
     tensors: &TensorFile,
     options: &SourceOptions,

@@ -1,9 +1,9 @@
 //! Validation: all faults of a file, not only the first one.
 //!
-//! [`check`] tells a file's kind by its content. Containers and assets are walked by the rules that
-//! strict readers use. Inputs of a bake are opened as a bake opens them and then read once, plane
-//! by plane ([`health`]). The result is a bounded list of findings; [`sarif`] is the same list for
-//! programs that gather findings of many tools.
+//! [`check`] detects a file's kind from its content. Containers and assets are checked by the rules
+//! of strict readers. Inputs of a bake are opened as for a bake and then read once, plane by plane
+//! ([`health`]). The result is a bounded list of findings; [`sarif`] is the same list for programs
+//! that collect findings of many tools.
 
 mod asset;
 mod document;

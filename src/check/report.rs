@@ -1,4 +1,4 @@
-//! The findings of a file, as programs and people read them.
+//! The findings of a file, for programs and people.
 
 use serde::Serialize;
 

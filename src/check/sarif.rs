@@ -1,8 +1,8 @@
 //! Findings as SARIF 2.1.0, the form in which continuous integration gathers those of many tools.
 //!
-//! One run: the tool with a rule for each code of the catalogue, the files as its artifacts, a result
-//! for each finding. Places that are a byte become regions; all are logical locations too, as
-//! people read them. Source: OASIS, "Static Analysis Results Interchange Format (SARIF) Version
+//! One run: the tool with a rule for each code of the catalogue, the files as its artifacts, a
+//! result for each finding. Byte places become regions; all places are also logical locations, in
+//! readable form. Source: OASIS, "Static Analysis Results Interchange Format (SARIF) Version
 //! 2.1.0", sections 3.13 to 3.30.
 
 use std::path::{Path, PathBuf};
@@ -13,19 +13,19 @@ use serde_json::{Value, json};
 use super::report::{Report, ReportedFinding};
 use crate::base::finding::{Code, Severity};
 
-/// All that RFC 3986 does not leave as it is in a path.
+/// All characters that RFC 3986 requires to be escaped in a path.
 const RESERVED: &AsciiSet =
     &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~').remove(b'/');
 
-/// The schema that the log says it follows.
+/// The stated schema of the log.
 const SCHEMA: &str =
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json";
 
-/// A file that was validated, and its report; an error where it could not be read.
+/// A validated file and its report, or an error if it could not be read.
 pub type Validated = (PathBuf, Result<Report, String>);
 
-/// The reports of several files, as a SARIF log of one run: services that gather logs take one for
-/// each tool and category, which `automationDetails` names.
+/// The reports of several files, as a SARIF log of one run: services that collect logs accept one
+/// per tool and category, which `automationDetails` names.
 pub fn log(files: &[Validated]) -> Value {
     let (mut results, mut notifications) = (Vec::new(), Vec::new());
     for (index, (path, report)) in files.iter().enumerate() {
@@ -88,14 +88,14 @@ fn rule(code: Code) -> Value {
     })
 }
 
-/// Which file it is.
+/// The file's identity.
 fn artifact(path: &Path, index: usize) -> Value {
     json!({ "artifactLocation": { "uri": uri(path), "index": index } })
 }
 
 fn result(path: &Path, index: usize, finding: &ReportedFinding) -> Value {
     let mut physical = artifact(path, index);
-    // A finding about all of a file is somewhere in it.
+    // A finding about a whole file needs a location in it.
     let length = || path.metadata().map_or(0, |file| file.len());
     physical["region"] = match finding.offset {
         Some(offset) => json!({ "byteOffset": offset, "byteLength": 1 }),
@@ -120,7 +120,7 @@ fn level(severity: Severity) -> &'static str {
     }
 }
 
-/// The path as it was given, as a URI reference.
+/// The given path as a URI reference.
 fn uri(path: &Path) -> String {
     let text = path.to_string_lossy();
     let text = if cfg!(windows) { text.replace('\\', "/") } else { text.into_owned() };

@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     Outcome::new("attach", &report, text)
 }
 
-/// Refuses an output whose name says another kind than the asset is of.
+/// Refuses an output whose extension does not match the asset's kind.
 pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
     let is_glb = asset.chunks().is_some();
     match gltf::is_glb(output) {
@@ -116,8 +116,8 @@ pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
     }
 }
 
-/// Names the files that `asset` refers to and that do not go with it from the folder of `input` to
-/// that of `output`.
+/// Names the files that `asset` refers to and that do not move with it from the folder of `input`
+/// to that of `output`.
 pub fn warn_of_companions(
     asset: &Asset,
     input: &Path,

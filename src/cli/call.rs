@@ -1,5 +1,5 @@
-//! Verbs as functions of a program that holds this library, such as the Python module: what it
-//! gives, and what it is told when a verb fails.
+//! Verbs as functions for programs that embed this library, such as the Python module: their
+//! inputs, and the errors of failed verbs.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -18,18 +18,18 @@ use crate::base::error::{Error, Place};
 pub struct Call {
     /// The verb and its arguments, without the program's name.
     pub arguments: Vec<OsString>,
-    /// The input of a bake whose argument is the standard input, `-`: bytes that are no file.
+    /// Bytes in memory, as the input of a bake with the argument `-`.
     pub input: Option<Arc<SourceFile>>,
-    /// The fit that the colours of that input come from.
+    /// The fit behind the colours of that input.
     pub color_fit: Option<ColorFit>,
     /// The watcher of the work.
     pub watcher: Option<SharedWatcher>,
 }
 
-/// A verb that failed, in the words of the program.
+/// A failed verb, with the program's messages.
 #[derive(Debug)]
 pub struct Failure {
-    /// Its kind in snake case: that of the error, or `gate` for a gate that is missed.
+    /// Its kind in snake case: the error's, or `gate` for a missed gate.
     pub kind: &'static str,
     /// The file, the place, the thing found and the thing expected.
     pub message: String,
@@ -39,7 +39,7 @@ pub struct Failure {
     pub place: Option<String>,
     /// The file, if the error is about one.
     pub file: Option<String>,
-    /// The exit code that the program would have.
+    /// The program's exit code for it.
     pub exit_code: u8,
     /// The report of a verb that did its work, but missed a gate.
     pub report: Option<Value>,
@@ -60,7 +60,7 @@ impl Failure {
         })
     }
 
-    /// Of arguments that cannot be parsed, by the parser's words.
+    /// For arguments that cannot be parsed, with the parser's message.
     pub(super) fn of_arguments(words: &str) -> Box<Self> {
         let words = words.trim();
         let message = words.split("\n\nUsage:").next().unwrap_or(words);
@@ -68,12 +68,12 @@ impl Failure {
         Box::new(Self { message, ..*Self::of(&Error::usage("")) })
     }
 
-    /// Of a command line whose mistake is known.
+    /// For a command line with a known mistake.
     pub(super) fn of_mistake(message: &str, help: &str) -> Box<Self> {
         Self::of(&Error::usage(message).advise(help.to_owned()))
     }
 
-    /// Of a gate that is missed.
+    /// For a missed gate.
     pub(super) fn of_gate(reason: String, report: Value) -> Box<Self> {
         let remedy = "lower the gate, or raise the quality".to_owned();
         let (kind, report) = ("gate", Some(report));

@@ -18,24 +18,24 @@ use crate::view::render::Renderer;
 
 /// Picture size of cameras that no file tells the size of.
 pub const DEFAULT_SIZE: [usize; 2] = [800; 2];
-/// Cameras around a scene where none is asked for.
+/// Default number of cameras around a scene.
 const AROUND: usize = 8;
 /// Pixels along a side of their pictures, at least.
 const AROUND_SIZE: usize = 400;
 /// Pixels of such a picture for each voxel along the longest axis, so that level 0 is read.
 const PIXELS_PER_VOXEL: usize = 3;
-/// What to do about LLFF's cameras.
+/// The remedy for LLFF's cameras.
 const OF_LLFF: &str = "LLFF's poses are not read, for every training moves and scales them in its own way: \
                        pass the transforms.json or the COLMAP model that they were made from";
-/// Memory for a pixel while it is rendered: its sums and the picture's channels.
+/// Memory per pixel during rendering: its sums and the picture's channels.
 const BYTES_A_PIXEL: u64 = 160;
 
 /// The cameras to render from.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Cameras")]
 pub struct CameraArguments {
-    /// Camera file: NeRF-synthetic's transforms.json or nerfstudio's, or images.bin or images.txt of
-    /// a COLMAP model; or the folder with it
+    /// Camera file: NeRF-synthetic's transforms.json or nerfstudio's, or images.bin or images.txt
+    /// of a COLMAP model; or the folder with it
     #[arg(long, value_name = "FILE", value_parser = camera_path())]
     cameras: Option<PathBuf>,
     /// nerfstudio's dataparser_transforms.json, which leads from the camera file's world to that of
@@ -104,7 +104,7 @@ impl CameraArguments {
         Some(CameraSource { path, transform: self.camera_transform.clone() })
     }
 
-    /// Cameras of a turntable, if one is asked for.
+    /// Cameras of a turntable, if requested.
     pub fn turntable(&self) -> Option<usize> {
         self.turntable.map(usize::from)
     }
@@ -114,7 +114,7 @@ impl CameraArguments {
         self.size.map_or(DEFAULT_SIZE, |Size(size)| size)
     }
 
-    /// Reads or makes the cameras; refuses to without a file or a turntable.
+    /// Reads or makes the cameras; an error without a file or a turntable.
     pub fn cameras(&self, bounds: &Bounds, common: &Common) -> Result<Vec<Camera>> {
         match (self.of_file(common)?, self.turntable()) {
             (Some(cameras), _) => Ok(cameras),
@@ -125,7 +125,7 @@ impl CameraArguments {
         }
     }
 
-    /// Cameras all around a field, or inside its world, where none is asked for.
+    /// Default cameras: all around a field, or inside its world.
     pub fn around(&self, field: &Renderer, bar: &Bar) -> Result<Vec<Camera>> {
         let size = self.size.map_or_else(|| wide_enough(field), |Size(size)| size);
         let view = field.view();
@@ -135,7 +135,7 @@ impl CameraArguments {
         }
     }
 
-    /// The picked cameras of the file, if there is one.
+    /// The selected cameras of the file, if there is one.
     pub fn of_file(&self, common: &Common) -> Result<Option<Vec<Camera>>> {
         let Some(file) = self.file() else { return Ok(None) };
         let read = file.read(self.size.map(|Size(size)| size), &common.limits());
@@ -149,26 +149,27 @@ impl CameraArguments {
         Ok(Some(picked.cameras))
     }
 
-    /// The frames that the user picked.
+    /// The user's selected frames.
     pub fn pick(&self, cameras: Vec<Camera>) -> Result<Vec<Camera>> {
         camera::pick(cameras, &self.frames)
     }
 }
 
-/// A square that shows the voxels of a scene that fills it, without coarser levels.
+/// A square size at which a scene that fills the picture reads level 0.
 fn wide_enough(field: &Renderer) -> [usize; 2] {
     let longest = field.view().nodes.0.into_iter().max().unwrap_or(0);
     [(PIXELS_PER_VOXEL * longest).clamp(AROUND_SIZE, DEFAULT_SIZE[0]); 2]
 }
 
-/// Tells what is left out or assumed of the cameras of a file.
+/// Prints what is ignored or assumed about the cameras of a file.
 pub fn warn_of_cameras(file: &Path, picked: &PickedCameras, common: &Common) {
     for warning in &picked.warnings {
         warn(&format!("{}: {}", file.display(), assumed(warning)), common);
     }
 }
 
-/// Refuses pictures, of `supersample` rays along each side of a pixel, that memory has no room for.
+/// Refuses pictures that do not fit into memory, with `supersample` rays along each side of a
+/// pixel.
 pub fn check_memory(cameras: &[Camera], supersample: u8, limits: &Limits) -> Result<()> {
     let pixels = |camera: &Camera| {
         let rays = [camera.lens.width, camera.lens.height].map(|side| side as u64);
@@ -200,7 +201,7 @@ fn parse_size(text: &str) -> std::result::Result<Size, String> {
     }
 }
 
-/// Scales at which every picture has a pixel left, each once.
+/// Scales at which every picture has at least one pixel, without duplicates.
 pub fn checked_scales(asked: &[u16], cameras: &[Camera]) -> Result<Vec<usize>> {
     let mut scales: Vec<usize> = Vec::new();
     for scale in asked.iter().copied().map(usize::from) {

@@ -20,8 +20,8 @@ pub(super) struct Common {
     #[arg(long, global = true, value_name = "N", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=256))]
     pub(super) threads: u16,
-    /// Set a limit on what files may request, such as memory=1000000000; can be repeated. An unknown
-    /// name lists all limits
+    /// Set a limit on what files may request, such as memory=1000000000; can be repeated. An
+    /// unknown name lists all limits
     #[arg(long = "limit", global = true, value_name = "NAME=COUNT", value_parser = values::parse_limit)]
     pub(super) limits: Vec<(LimitName, u64)>,
     /// Allow https:// inputs; needs a program built with the feature network. Without this option,
@@ -52,7 +52,7 @@ pub(super) struct Common {
 }
 
 impl Common {
-    /// Lets inputs be fetched as long as it lives, if that was asked for.
+    /// Allows fetching inputs while it lives, if requested.
     #[cfg(feature = "network")]
     pub(super) fn network_permit(&self) -> Option<NetworkPermit> {
         self.allow_network.then(NetworkPermit::new)

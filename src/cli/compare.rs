@@ -51,8 +51,8 @@ pub struct Arguments {
     /// The field to measure: a container, a glTF asset or a trained input
     #[arg(value_parser = input_path())]
     field: PathBuf,
-    /// Folder for heat maps of the error: black is no error, white 0.25 or more; or a page.html that
-    /// shows reference, field and error side by side
+    /// Folder for heat maps of the error: black is no error, white 0.25 or more; or a page.html
+    /// that shows reference, field and error side by side
     #[arg(short, long, value_name = "DIR|PAGE.html")]
     output: Option<PathBuf>,
     /// Render both at the same size at each scale and compare those
@@ -122,7 +122,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let (which, cameras) = (arguments.which, arguments.cameras.file());
     which.check(&[&arguments.reference, &arguments.field])?;
     let cameras = cameras.as_ref();
-    // Beside a model, its options are no mistake about a container.
+    // Beside a model, options for models are not a mistake for a container.
     let is_baked = |path: &Path| Ok(which.container(path, &common.limits())?.is_some());
     let baked = match pictures {
         true => [false; 2],
@@ -223,7 +223,7 @@ fn errors_table(errors: &[ScaleErrors]) -> Table {
 }
 
 impl Arguments {
-    /// Warns where the container knows other settings than the reference is rendered with.
+    /// Warns if the container's settings differ from those of the rendered reference.
     fn warn_of_settings(&self, reference: &Renderer, common: &Common) -> Result<()> {
         let Some(container) = self.which.container(&self.field, &common.limits())? else {
             return Ok(());
@@ -297,7 +297,7 @@ impl CompareReport {
         format!("{} against {}", self.field, self.reference)
     }
 
-    /// What the figures mean.
+    /// The meaning of the figures.
     fn meaning(&self, both_fields: bool) -> Option<&'static str> {
         match (self.measures, both_fields) {
             (Measures::Difference, _) => Some("both rendered at the size of each scale"),

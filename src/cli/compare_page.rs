@@ -11,22 +11,22 @@ use crate::report_page::{self, FULL_HEAT, bytes_of, escaped};
 use crate::view::compare::FrameErrors;
 use crate::view::compare::metrics::psnr;
 
-/// Pixels of all pictures of a page, at most: pages stay small enough for browsers and mail.
+/// Maximum pixels of all pictures of a page, so that pages stay small enough for browsers and mail.
 const MOST_PIXELS: usize = 32 << 20;
 
-/// A page that is being made, as frames come.
+/// A page under construction, frame by frame.
 pub struct ComparePage {
-    /// Which frames it shows, in their order.
+    /// The frames that it shows, in order.
     shown: Vec<bool>,
-    /// The number of frames that came, and the name of the last one.
+    /// The number of frames so far, and the name of the last one.
     frames: usize,
     last: Option<String>,
     html: String,
 }
 
 impl ComparePage {
-    /// A page that shows the frames of `cameras` at `scales`, or some at equal distances if those
-    /// are too many.
+    /// A page with the frames of `cameras` at `scales`, or evenly spaced ones if there are too
+    /// many.
     pub fn new(cameras: &[Camera], scales: &[usize]) -> Self {
         let pixels = |camera: &Camera| -> usize {
             let of = |&scale: &usize| camera.lens.width / scale * (camera.lens.height / scale);
@@ -46,7 +46,7 @@ impl ComparePage {
     ///
     /// # Errors
     ///
-    /// Those of writing a PNG.
+    /// Errors of writing a PNG.
     pub fn add(&mut self, errors: &FrameErrors) -> Result<()> {
         if self.last.as_deref() != Some(errors.frame) {
             self.frames += 1;

@@ -217,7 +217,7 @@ pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport], errors
     text
 }
 
-/// A group's bits and proved error, as three digits that are none too few.
+/// A group's bits and proved error, rounded up to three digits.
 fn depth(stored: &GroupReport) -> String {
     let (Some(bits), Some(error)) = (&stored.bits, stored.max_error.map(f64::from)) else {
         return "-".to_owned();

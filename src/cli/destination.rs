@@ -1,11 +1,11 @@
-//! The place and kind of what `render` writes, by its name.
+//! The place and kind of the output of `render`, by its name.
 
 use std::path::{Path, PathBuf};
 
 use super::animation::FilmFormat;
 use crate::base::error::{Error, Result};
 
-/// Extensions of files that `render` does not write. A folder may have any other one.
+/// Extensions of files that `render` does not write. Names of folders may have any other extension.
 const OTHER_FILES: [&str; 16] = [
     "apng", "avi", "bmp", "glb", "gltf", "html", "jpeg", "jpg", "json", "mipvog", "mkv", "npz",
     "ply", "tif", "tiff", "txt",
@@ -25,8 +25,8 @@ pub enum Destination {
 }
 
 impl Destination {
-    /// By an extension, of which there is none in a folder's name; a name that ends in a slash, or
-    /// that a folder has already, is a folder's.
+    /// By the extension. Names without one, names with a trailing slash and names of existing
+    /// folders are folders.
     ///
     /// # Errors
     /// `Usage` for other extensions.

@@ -1,4 +1,4 @@
-//! The level that samples of pictures read, and what pictures say of it.
+//! The level of samples in pictures, and warnings about it.
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use crate::model::camera::Camera;
 use crate::view::compare::ScaleErrors;
 use crate::view::render::{LevelChoice, Renderer};
 
-/// Pictures whose samples read levels up to this on average show level 0.
+/// Pictures with a mean level up to this count as level 0.
 const FULL_DETAIL: f64 = 0.02;
 /// Names in a warning, at most.
 const NAMED: usize = 5;
@@ -17,7 +17,7 @@ const NAMED: usize = 5;
 /// `auto`, `off` or a level's number.
 ///
 /// # Errors
-/// Another text.
+/// Any other text.
 pub fn parse_levels(text: &str) -> std::result::Result<LevelChoice, String> {
     match text {
         "auto" => Ok(LevelChoice::Auto),
@@ -46,9 +46,8 @@ pub fn check_levels(levels: LevelChoice, field: &Renderer) -> Result<()> {
     Err(Error::invalid_option("level_of_detail", level.to_string(), expected))
 }
 
-/// Warns where figures of pictures mean something else than they seem to: full pictures that are so
-/// small that coarser levels are read, and frames in which nothing shows. `remedy` is what helps
-/// beside larger pictures, if anything does.
+/// Warns of misleading figures: full pictures so small that they read coarser levels, and blank
+/// frames. `remedy` is an alternative to larger pictures, if there is one.
 pub fn warn_of_figures(
     errors: &[ScaleErrors],
     cameras: &[Camera],
@@ -80,7 +79,7 @@ pub fn warn_of_figures(
     }
 }
 
-/// A size of two digits whose pictures read level 0: a level is a factor of 2.
+/// A size, rounded to two digits, whose pictures read level 0: each level is a factor of 2.
 fn large_enough(size: [usize; 2], level: f64) -> String {
     let factor = libm::exp2(level.ceil());
     let side = |pixels: usize| {

@@ -46,7 +46,7 @@ impl<'a> ErrorReport<'a> {
     }
 }
 
-/// Prints an error as JSON, to stderr where stdout is an output file's.
+/// Prints an error as JSON, to stderr if stdout is an output file.
 pub(super) fn print_failure(failure: &Failure, to_stderr: bool) {
     let Ok(Outcome { json, .. }) = Outcome::new("error", &ErrorReport::of(failure), String::new())
     else {
@@ -55,7 +55,7 @@ pub(super) fn print_failure(failure: &Failure, to_stderr: bool) {
     let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
     match to_stderr {
         true => say(text.trim_end()),
-        // An error of the disk or the pipe that stdout is has been told on stderr.
+        // An error of stdout itself is already on stderr.
         false => drop(write_stdout(text.as_bytes())),
     }
 }

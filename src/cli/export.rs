@@ -61,7 +61,8 @@ pub struct Arguments {
     /// box is [default: 0, and all of them for html, glb and splat]
     #[arg(long = "box", value_name = "K")]
     nested_box: Option<usize>,
-    /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the format's]
+    /// Points per voxel along each axis, 1 to 16; more keep surfaces sharper [default: the
+    /// format's]
     #[arg(long, value_name = "K", conflicts_with = "resolution")]
     supersample: Option<usize>,
     /// Leave out everything outside this box, in world coordinates

@@ -1,4 +1,4 @@
-//! The words and the exit code of an error, for users of the command line.
+//! The message and the exit code of an error, for users of the command line.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -17,7 +17,7 @@ use mipvog_inputs::{UNPACKED, tensor};
 use mipvog_outputs::gltf::asset::{Asset, EXTENSION};
 use mipvog_outputs::gltf::attach::companions;
 
-/// The place of a JSON text's fault that is no glTF asset.
+/// The place of the fault of a JSON text that is not a glTF asset.
 const NO_ASSET: &str = "/asset/version";
 /// The use of JSON texts of other kinds.
 const OTHER_JSON: &str = "a camera file belongs to --cameras, settings to scene.json";
@@ -27,7 +27,7 @@ fn no_field() -> Place {
     Place::Pointer(format!("/extensions/{EXTENSION}"))
 }
 
-/// The error by the names of the command line: the library's options have flags here.
+/// The error with the names of the command line, where the library's options are flags.
 pub(super) fn message(error: &Error) -> String {
     let ErrorKind::InvalidOption { option, .. } = error.kind() else {
         return named(&error.to_string());
@@ -89,7 +89,7 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
     }
 }
 
-/// The command for a file of a kind that the verb does not take.
+/// The command for a file of a kind that the verb does not accept.
 fn next_command(path: &Path, found: &str) -> Option<String> {
     let file = Arc::new(SourceFile::open(path).ok()?);
     let shown = path.display();
@@ -121,7 +121,7 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
             }
         }
         _ if found == UNPACKED => format!("pack it first: {}", of("bake", "mipvog")),
-        // The verb took the file for what it is, and found the wrong tensors.
+        // The verb recognized the file, but found the wrong tensors.
         _ if found != kind => return None,
         _ if tensor::is_tensors(&file).is_ok_and(|is_tensors| is_tensors) => {
             format!("if this is a trained scene, bake it first: {}", of("bake", "mipvog"))
@@ -135,7 +135,7 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
     })
 }
 
-/// True if a run that ended with this exit code is worth another try.
+/// True if a run with this exit code is worth retrying.
 pub(super) fn retry(exit_code: u8) -> &'static str {
     match exit_code {
         5 | 130 | 143 => "yes",

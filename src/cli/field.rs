@@ -31,14 +31,14 @@ pub struct FieldArguments {
     number: Option<usize>,
 }
 
-/// A file that a verb does not take.
+/// The error for a file that a verb does not accept.
 pub fn wrong_kind(path: &Path, expected: &str) -> Error {
     let file = SourceFile::open(path);
     let found = file.and_then(|file| describe(&file)).unwrap_or("another file");
     Error::wrong_kind(found, expected).in_file(path)
 }
 
-/// Names the levels that a container which was cut does not hold.
+/// Names the missing levels of a truncated container.
 pub fn warn_of_missing(prefix: &Prefix, common: &Common) {
     let (count, levels) = (prefix.missing().len(), prefix.metadata().levels.len());
     if count > 0 {
@@ -48,7 +48,7 @@ pub fn warn_of_missing(prefix: &Prefix, common: &Common) {
 }
 
 impl FieldArguments {
-    /// Refuses a choice where none of the inputs is an asset to choose from.
+    /// Refuses a choice if no input is an asset.
     pub fn check(self, inputs: &[&Path]) -> Result<()> {
         let Some(number) = self.number else { return Ok(()) };
         for path in inputs {
@@ -81,8 +81,8 @@ impl FieldArguments {
 
 impl SceneArguments {
     /// Opens a container, the one of an asset, or a trained input for rendering. `filter` makes
-    /// coarser levels of a trained input; without it there is level 0 alone. A trained input takes
-    /// settings from the file of `cameras` too.
+    /// coarser levels of a trained input; without it there is level 0 alone. A trained input also
+    /// takes settings from the file of `cameras`.
     pub fn open(
         &self,
         path: &Path,
@@ -106,7 +106,7 @@ impl SceneArguments {
         source.renderer(levels, &limits).map_err(|error| error.in_file(path))
     }
 
-    /// As [`Self::open`]; of a container that ends at a level, the levels that are there.
+    /// As [`Self::open`], but accepts a container that ends at a level, with its complete levels.
     pub fn open_or_prefix(
         &self,
         path: &Path,
@@ -127,7 +127,7 @@ impl SceneArguments {
         self.open(path, which, filter, cameras, common)
     }
 
-    /// A baked field, rendered by the rules that the user overrides.
+    /// A baked field, rendered with the user's overrides.
     pub(super) fn open_baked(
         &self,
         field: &BakedField,
@@ -155,7 +155,7 @@ impl SceneArguments {
         Ok(renderer)
     }
 
-    /// Refuses settings that no container takes.
+    /// Refuses settings that do not apply to containers.
     pub(super) fn check_container(&self) -> Result<()> {
         self.source_options().check()?;
         match self.reads_a_model() {

@@ -44,10 +44,10 @@ impl FileNames {
         names
     }
 
-    /// Refuses two outputs of one name, and addresses that are not read or written.
+    /// Refuses duplicate outputs and unsupported addresses.
     ///
     /// # Errors
-    /// `Usage`, and `Unsupported` for an address that another build reads.
+    /// `Usage`, and `Unsupported` for an address that a build with the network supports.
     pub fn check(&self) -> Result<()> {
         self.outputs.iter().try_for_each(|path| refuse_address(path))?;
         self.inputs.iter().try_for_each(|path| refuse_unread_address(path))?;
@@ -66,7 +66,7 @@ impl FileNames {
     }
 }
 
-/// A folder by its one name, though it may be missing until the outputs are made.
+/// The canonical name of a folder, which may not exist yet.
 fn canonical(folder: &Path) -> PathBuf {
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let mut place = PathBuf::new();

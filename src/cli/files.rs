@@ -9,8 +9,8 @@ use super::layout::{columns, folded};
 use super::outcome::Outcome;
 use crate::base::error::Result;
 
-/// Runs a verb on each file. One file has the report of its own. Several ones share a report with a
-/// list `files`; a file that fails is told there and does not stop the others.
+/// Runs a verb on each file. One file has its own report. Several files share a report with a list
+/// `files`; a failed file is listed there and does not stop the others.
 ///
 /// # Errors
 ///

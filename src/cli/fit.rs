@@ -34,11 +34,11 @@ pub struct FitArguments {
     photographs: Option<PathBuf>,
 }
 
-/// Fewer photographs leave none to hold out.
+/// Minimum number of photographs for holding one out.
 const FEWEST_PHOTOGRAPHS: usize = 8;
 
-/// Steps of a fit to photographs, which levels are farther from than from pictures of level 0: so
-/// many gain 1.5 dB at 1/8 over as many as those pictures need.
+/// Steps of a fit to photographs. Levels start farther from photographs than from pictures of level
+/// 0: at 1/8, this many steps gain 1.5 dB over the number for such pictures.
 const PHOTOGRAPH_STEPS: usize = 1500;
 
 impl FitArguments {
@@ -55,8 +55,8 @@ impl FitArguments {
             || self.photographs.is_some()
     }
 
-    /// The cameras that may judge the fit: where photographs are those of `--cameras`, the ones that
-    /// are held out.
+    /// The cameras that may judge the fit: where photographs are those of `--cameras`, the ones
+    /// that are held out.
     pub fn judges(&self, mut cameras: Vec<Camera>) -> Vec<Camera> {
         if self.photographs.is_some() && self.fit_cameras.is_none() {
             let mut numbers = 0..;
@@ -113,7 +113,7 @@ impl FitArguments {
     }
 }
 
-/// Warns of levels that a fit left as they were.
+/// Warns of levels that a fit reverted.
 pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
     for FittedLevel { level, steps, psnr_before, psnr_after, kept } in &fitted.levels {
         if *steps == 0 {
@@ -131,7 +131,7 @@ pub fn warn_of_idle_levels(fitted: &FitReport, common: &Common) {
     }
 }
 
-/// Refuses to judge a fit by the cameras that it was fitted to.
+/// Refuses to measure a fit with the cameras that it was fitted to.
 pub fn check_judges(options: &BakeOptions, judges: &[Camera]) -> Result<()> {
     // All photographs are used, and the same ones are held out.
     let holds_out = options.photographs.is_some();

@@ -100,7 +100,7 @@ impl GateArguments {
         let smallest = sides.min().unwrap_or(0);
         let scales: Vec<usize> = SCALES.into_iter().filter(|&scale| scale <= smallest).collect();
         let errors = compare(reference, baked, cameras, &scales, 1, bar, |_| Ok(()))?;
-        // Frames in which nothing shows are alike whatever the field holds.
+        // Blank frames are equal for any field.
         let judges = |full: &ScaleErrors| full.blank_frames.len() < cameras.len();
         let reached =
             |least| errors.first().is_some_and(|full| judges(full) && full.pooled_psnr >= least);

@@ -59,12 +59,12 @@ pub fn is_glb(path: &Path) -> Result<bool> {
 }
 
 impl GltfArguments {
-    /// The asset, if one is asked for.
+    /// The asset, if requested.
     pub fn path(&self) -> Option<&Path> {
         self.gltf.as_deref()
     }
 
-    /// True if the asset that is there holds a field: a former run has written it, or might have.
+    /// True if the existing asset has a field, so that an earlier run may have written it.
     pub fn is_own(&self) -> bool {
         let Some(path) = &self.gltf else { return false };
         let opened = SourceFile::open(path).map(Arc::new);
@@ -72,8 +72,8 @@ impl GltfArguments {
         asset.is_ok_and(|asset| asset.text().contains(EXTENSION))
     }
 
-    /// Starts writing, if an asset is asked for. This comes before the work, so that a name that is
-    /// taken is an error at once.
+    /// Starts writing, if an asset is requested. This comes before the work, so that an existing
+    /// file is an error immediately.
     pub fn create(&self, container: &Path, overwrite: bool) -> Result<Option<Output>> {
         let Some(path) = &self.gltf else { return Ok(None) };
         is_glb(path)?;

@@ -1,5 +1,5 @@
-//! First guesses: what people type before they read the help. It works, or the message says what to
-//! type.
+//! First guesses: command lines that people type before reading the help. They work, or the message
+//! says what to type.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -28,10 +28,10 @@ const CAMERAS: [&str; 6] = [
 ];
 /// Extensions of files that verbs read, beside those of trained models.
 const OWN_INPUTS: [&str; 2] = ["glb", "mipvog"];
-/// Files of a folder that a message names, at most.
+/// Maximum files of a folder in a message.
 const NAMED: usize = 3;
 
-/// The path of an input: in a folder of a training, its checkpoint.
+/// The path of an input; for the folder of a training, its checkpoint.
 pub fn input_path() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().map(|path| {
         let is_described = mipvog_inputs::file_of(&path) != path;
@@ -39,7 +39,7 @@ pub fn input_path() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// The path of a camera file: in a scene's folder, the file there.
+/// The path of a camera file; for a scene's folder, the file in it.
 pub fn camera_path() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().map(|path| inner(path, &CAMERAS, false))
 }
@@ -53,7 +53,7 @@ fn inner(path: PathBuf, names: &[&str], is_whole: bool) -> PathBuf {
     found.unwrap_or(path)
 }
 
-/// What to do about a folder in a file's place: it may hold files of the kind that is read.
+/// The remedy for a folder in place of a file: it may hold files of a supported kind.
 pub fn of_folder(folder: &Path) -> String {
     let is_read = |path: &PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
@@ -71,15 +71,15 @@ pub fn of_folder(folder: &Path) -> String {
     }
 }
 
-/// A mistake on the command line, in better words than the parser's.
+/// A mistake on the command line, with a better message than the parser's.
 pub struct Mistaken {
-    /// What is wrong.
+    /// The mistake.
     pub message: String,
-    /// What to type.
+    /// The remedy.
     pub help: String,
 }
 
-/// A mistake that people make on purpose: they expect it to work.
+/// An attempt that people expect to work.
 pub fn mistaken(
     error: &clap::Error,
     words: &[OsString],
@@ -211,7 +211,7 @@ fn an_option_of_others(
     Some(Mistaken { message, help })
 }
 
-/// The container that is made of an input where only a folder is named.
+/// The container for an input if only a folder is given.
 pub fn container_name(input: &Path) -> PathBuf {
     let stem = input.file_stem().filter(|_| input != Path::new(STANDARD_STREAM));
     named(stem.unwrap_or("scene".as_ref()))
@@ -219,16 +219,16 @@ pub fn container_name(input: &Path) -> PathBuf {
 
 fn named(stem: &OsStr) -> PathBuf {
     let mut name = stem.to_owned();
-    // What stands behind another dot is part of the stem.
+    // Text behind any other dot is part of the stem.
     name.push(".mipvog");
     name.into()
 }
 
-/// The containers of several inputs in a folder: by the names of the files, or of their folders
-/// where files are alike, as checkpoints are.
+/// The containers of several inputs in a folder: named after the files, or after their folders if
+/// the files have the same name, like checkpoints.
 ///
 /// # Errors
-/// `Usage` where two would have one name.
+/// `Usage` for duplicate names.
 pub fn container_names(inputs: &[PathBuf], folder: &Path) -> Result<Vec<PathBuf>> {
     let of_files: Vec<PathBuf> = inputs.iter().map(|input| container_name(input)).collect();
     let is_new = |names: &[PathBuf]| {

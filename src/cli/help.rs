@@ -1,15 +1,15 @@
-//! What `-h` and `--help` show.
+//! The content of `-h` and `--help`.
 //!
-//! `-h` shows the options of [`SHORT`], the first clause of each. `--help` shows all of a verb, but
-//! options that it shares with others are explained by one verb alone ([`HOME`], or the program for
-//! the general ones); the others name them. Completions, the manual page and Python know all.
+//! `-h` shows the options of [`SHORT`] with their first clauses. `--help` shows all options of a
+//! verb, but only one verb ([`HOME`], or the program for general options) explains shared options;
+//! the others name them. Completions, the manual page and Python have all options.
 
 use clap::builder::StyledStr;
 use clap::{Arg, Command};
 
 use super::layout::folded;
 
-/// The options that most people need, by the verb. Verbs that are not here show all of theirs.
+/// The most common options, by verb. Other verbs show all of theirs.
 const SHORT: [(&str, &[&str]); 9] = [
     (
         "bake",
@@ -86,7 +86,7 @@ const SHORT: [(&str, &[&str]); 9] = [
     ("validate", &["stepsize", "max_findings"]),
 ];
 
-/// What an option that several verbs have means for one of them: verb, option, help.
+/// The meaning of a shared option for one verb: verb, option, help.
 const OWN_WORDS: [(&str, &str, &str); 1] = [(
     "export",
     "resolution",
@@ -94,16 +94,16 @@ const OWN_WORDS: [(&str, &str, &str); 1] = [(
      sampled at as many",
 )];
 
-/// The verb that explains options that several verbs have.
+/// The verb that explains shared options.
 const HOME: &str = "bake";
 /// Headings of options that verbs share with [`HOME`].
 const SHARED: [&str; 2] = ["Scene", "Cameras"];
-/// The heading of options that all verbs have, which the program explains.
+/// The heading of options of all verbs, which the program explains.
 const GENERAL: &str = "General";
 /// Columns of help.
 const WIDTH: usize = 100;
 
-/// The program with its help arranged.
+/// The program with arranged help.
 pub fn arrange(mut program: Command) -> Command {
     let home = program.find_subcommand(HOME).into_iter().flat_map(Command::get_arguments);
     let shared: Vec<String> = home
@@ -161,7 +161,7 @@ fn is_short(verb: &str, own: &Arg) -> bool {
         || shown.is_none_or(|(_, shown)| shown.contains(&own.get_id().as_str()))
 }
 
-/// A verb whose `-h` has its most important options, and options of other verbs in its own words.
+/// A verb with its most important options in `-h`, and its own help for shared options.
 fn short(verb: Command) -> Command {
     let name = verb.get_name().to_owned();
     verb.mut_args(|own| {
@@ -175,7 +175,7 @@ fn short(verb: Command) -> Command {
     })
 }
 
-/// An argument whose help in `-h` is the first clause of the whole.
+/// An argument with the first clause of its help in `-h`.
 fn shortened(own: Arg) -> Arg {
     let Some(whole) = own.get_long_help().or(own.get_help()).map(StyledStr::to_string) else {
         return own;
@@ -190,7 +190,7 @@ fn first_clause(whole: &str) -> String {
     });
     let ends = ["; ", ". ", "\n"].into_iter().filter_map(|end| text.find(end));
     let clause = &text[..ends.min().unwrap_or(text.len())];
-    // A default of several clauses is for those who read on.
+    // A default of several clauses is shown only in `--help`.
     match default.filter(|default| !default.contains([';', ','])) {
         Some(default) => format!("{clause} [default: {default}]"),
         None => clause.to_owned(),

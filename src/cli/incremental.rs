@@ -1,5 +1,4 @@
-//! Bakes of changes only: current outputs are skipped, and build systems learn the inputs of a
-//! bake.
+//! Incremental bakes: current outputs are skipped, and dependency files list the inputs of a bake.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,7 +15,7 @@ use crate::base::limits::Limits;
 use crate::container::{Container, is_container};
 use crate::model::field::RadianceField;
 
-/// Bytes that the target of a rule has at most: longer paths are none.
+/// Maximum length of a rule's target.
 const LONGEST_TARGET: u64 = 8192;
 
 /// Bytes of two containers that are compared at once.
@@ -36,11 +35,10 @@ pub struct IncrementalArguments {
 }
 
 impl IncrementalArguments {
-    /// True if only changes are asked for, and the container that is there has the bytes of the one
-    /// that was written.
+    /// True for incremental bakes if the existing container has the same bytes as the new one.
     ///
     /// # Errors
-    /// Those of reading them.
+    /// Errors of reading them.
     pub fn is_same(&self, written: &Path, output: &Path) -> Result<bool> {
         if !self.replaces(output) {
             return Ok(false);
@@ -57,26 +55,25 @@ impl IncrementalArguments {
         Ok(same)
     }
 
-    /// True if an existing output may be replaced: a container may, if only changes are baked.
+    /// True if an existing output may be replaced: in incremental bakes, a container may.
     pub fn replaces(&self, output: &Path) -> bool {
         self.if_changed && SourceFile::open(output).is_ok_and(|file| is_container(&file))
     }
 
-    /// Starts writing the dependency file of `output`, if there is to be one. A former one is
-    /// always replaced, because build systems do not ask either. Another file is not, unless
-    /// `force`.
+    /// Starts writing the dependency file of `output`, if requested. An old dependency file is
+    /// always replaced, as build systems expect. Other files are not, unless `force`.
     pub fn create_depfile(&self, output: &Path, force: bool) -> Result<Option<Output>> {
         let Some(path) = &self.depfile else { return Ok(None) };
         refuse_stdout(path, "a dependency file is read by its name")?;
         create_output(path, force || is_depfile(path, output)).map(Some)
     }
 
-    /// The dependency file, if there is to be one.
+    /// The dependency file, if requested.
     pub fn depfile(&self) -> Option<&Path> {
         self.depfile.as_deref()
     }
 
-    /// The existing container's figures, if nothing has changed since it was baked.
+    /// The existing container's figures, if it is current.
     pub fn current(
         &self,
         output: &Path,
@@ -118,8 +115,8 @@ fn is_depfile(path: &Path, output: &Path) -> bool {
         })
 }
 
-/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped as
-/// Make and Ninja read them.
+/// The rule of a dependency file: `output` depends on `inputs`. Spaces, `#` and `$` are escaped for
+/// Make and Ninja.
 pub fn depfile_rule(output: &Path, inputs: &[PathBuf]) -> String {
     let inputs: Vec<String> = inputs.iter().map(|path| escaped(path)).collect();
     format!("{}: {}\n", escaped(output), inputs.join(" "))

@@ -1,5 +1,4 @@
-//! Files that are read and must not be replaced: those that arguments name, and those that come
-//! along with them.
+//! Input files, which must not be replaced: those in the arguments, and those that they refer to.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

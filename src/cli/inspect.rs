@@ -69,7 +69,7 @@ struct FieldReport {
     container: ContainerReport,
 }
 
-/// Inspects the files. Several ones are listed in one report, and those that fail are named.
+/// Inspects the files. Several files share one report, which names failed ones.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let (limits, verbose) = (common.limits(), common.verbose);
     if let Some(output) = &arguments.thumbnail {
@@ -179,7 +179,7 @@ fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> Strin
         return text;
     }
     let mut table = Table::new(["key", "type", "shape", "value"], 4);
-    // Two columns of a narrow terminal are the keys and the values.
+    // Keys and values share the width of a narrow terminal.
     let keys = inspection.values.iter().map(|listed| listed.key.chars().count());
     let room = columns().saturating_sub(keys.max().unwrap_or(0) + 10).clamp(8, 48);
     for listed in &inspection.values {
@@ -193,7 +193,7 @@ fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> Strin
     text + &table.text(columns())
 }
 
-/// A value in so many characters, and dots where it has more.
+/// A value cut to this many characters, with dots if it is longer.
 fn shortened(value: &Value, characters: usize) -> String {
     let text = value.to_string();
     match text.char_indices().nth(characters) {

@@ -1,8 +1,8 @@
 //! Signals that ask the program to end.
 //!
-//! The first Ctrl-C ends a fit with the result so far, because a fit only makes a result better. It
-//! ends any other work as soon as possible; unfinished files are then gone. Work that does not look
-//! at the wish in time is ended from outside, and a second signal ends the program on the spot.
+//! The first Ctrl-C ends a fit with the result so far, because a fit only improves a result. It
+//! ends any other work as soon as possible and removes unfinished files. Work that does not respond
+//! in time is ended from outside, and a second signal ends the program immediately.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Once, OnceLock};
@@ -17,25 +17,26 @@ use crate::base::error::Error;
 
 /// Exit codes of programs that a signal ended are this plus its number.
 const SIGNALLED: i32 = 128;
-/// Time that work has to end by itself. With the removal of files the end comes within a second.
+/// Time for work to end by itself. Including the removal of files, the program ends within a
+/// second.
 const GRACE: Duration = Duration::from_millis(600);
 /// Time for the report of work that is done.
 const LAST_WORDS: Duration = Duration::from_millis(100);
-/// Time between two looks at the signals.
+/// Time between two checks of the signals.
 const LOOK: Duration = Duration::from_millis(40);
 
-/// The signals that came, and the work that they ask to end.
+/// The received signals, and the work that they ask to stop.
 #[derive(Default)]
 struct Signals {
     interrupted: Arc<AtomicBool>,
     terminated: Arc<AtomicBool>,
     /// The number of the last signal.
     last: Arc<AtomicUsize>,
-    /// Pieces of work that look at the wish to end.
+    /// Pieces of work that check for a request to stop.
     works: AtomicUsize,
-    /// True while an interrupt asks for the result so far.
+    /// True while an interrupt requests the result so far.
     takes_result: AtomicBool,
-    /// True for a program that a signal ends as it should.
+    /// True if signals end the program in the default way.
     serves: AtomicBool,
 }
 
@@ -44,9 +45,9 @@ fn signals() -> &'static Signals {
     SIGNALS.get_or_init(Signals::default)
 }
 
-/// From now on signals ask instead of ending the program, and a file that grows beyond the user's
-/// limit is an error like a full disk, where it would end the program without a word. A process
-/// that runs verbs one after the other watches once.
+/// From now on, signals request a stop instead of ending the program, and a file that exceeds the
+/// user's size limit is an error like a full disk, instead of ending the program silently. A
+/// process that runs several verbs needs this only once.
 pub fn watch() {
     static WATCHED: Once = Once::new();
     WATCHED.call_once(begin_watching);
@@ -56,11 +57,11 @@ fn begin_watching() {
     #[cfg(unix)]
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
     let signals = signals();
-    // Without a thread that looks, signals keep ending the program.
+    // Without the checking thread, signals keep ending the program.
     if std::thread::Builder::new().name("signals".to_owned()).spawn(|| guard(signals)).is_err() {
         return;
     }
-    // A closed terminal hangs up, but for programs that were told to ignore it.
+    // A closed terminal sends SIGHUP, which some programs are told to ignore.
     let hang_up = heeds_hang_ups().then_some((SIGHUP, &signals.terminated));
     let ends = [(SIGINT, &signals.interrupted), (SIGTERM, &signals.terminated)];
     for (signal, asked) in ends.into_iter().chain(hang_up) {
@@ -73,12 +74,12 @@ fn begin_watching() {
     }
 }
 
-/// From now on a signal is the end that the program waits for, and no error.
+/// From now on, a signal is the expected end of the program, not an error.
 pub fn serve() {
     signals().serves.store(true, Ordering::Relaxed);
 }
 
-/// True if SIGHUP is not ignored, as it is below `nohup`; false where the system does not tell.
+/// True if SIGHUP is not ignored, as it is under `nohup`; false if the system does not reveal it.
 fn heeds_hang_ups() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -86,7 +87,7 @@ fn heeds_hang_ups() -> bool {
     ignored.is_some_and(|mask| mask >> (SIGHUP - 1) & 1 == 0)
 }
 
-/// Ends the program where no work looks at the wish, or none obeys it in time.
+/// Ends the program if no work checks for the request, or none stops in time.
 fn guard(signals: &Signals) {
     let (mut asked, mut idle) = (None, None);
     loop {
@@ -122,7 +123,7 @@ impl Signals {
     }
 }
 
-/// Work that looks at the wish to end now and then, until it is dropped.
+/// Work that regularly checks for a request to stop, until dropped.
 pub struct Work(());
 
 impl Work {
@@ -132,8 +133,8 @@ impl Work {
         Self(())
     }
 
-    /// Says whether an interrupt now asks for the result so far, and not for the end. One that came
-    /// when there was no more to end is answered.
+    /// Sets whether an interrupt requests the result so far, instead of a stop. A late interrupt is
+    /// discarded.
     pub fn takes_result(&self, takes: bool) {
         let signals = signals();
         if signals.takes_result.swap(takes, Ordering::Relaxed) && !takes {
@@ -141,7 +142,7 @@ impl Work {
         }
     }
 
-    /// True if the user wants the result so far; answers an interrupt once.
+    /// True if the user requested the result so far; handles an interrupt once.
     pub fn wants_result(&self) -> bool {
         let signals = signals();
         let takes_result = signals.takes_result.load(Ordering::Relaxed);
@@ -161,7 +162,7 @@ impl Drop for Work {
     }
 }
 
-/// The exit code of work that a signal ended.
+/// The exit code of work that was ended by a signal.
 pub fn cancelled() -> u8 {
     let last = match signals().last.load(Ordering::Relaxed) {
         0 => SIGINT.unsigned_abs() as usize,

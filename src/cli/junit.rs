@@ -1,4 +1,4 @@
-//! The results of a batch as JUnit's XML, which CI systems show.
+//! The results of a batch as JUnit XML, for CI systems.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use crate::report_page::escaped;
 pub fn junit<'a>(results: impl Iterator<Item = &'a SceneResult> + Clone) -> String {
     let failed = results.clone().filter(|result| result.is_failed()).count();
     let seconds: f64 = results.clone().filter_map(|result| result.seconds).sum();
-    // Control characters are none of XML.
+    // XML does not allow control characters.
     let escaped = |text: &str| escaped(&printable(text));
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n<testsuite name=\"mipvog-bake\" \

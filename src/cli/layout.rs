@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use terminal_size::{Height, Width, terminal_size_of};
 
-/// The widest line where nothing asks for another width.
+/// Default maximum width of a line.
 const WIDEST: usize = 100;
-/// Narrower terminals wrap lines themselves.
+/// Minimum width: narrower terminals wrap lines themselves.
 const NARROWEST: usize = 40;
 /// Words that stay on the line of the number in front of them.
 const UNITS: [&str; 10] = ["x", "%", "s", "B", "kB", "MB", "GB", "TB", "bit", "dB"];
@@ -27,11 +27,11 @@ fn columns_of(terminal: Option<(Width, Height)>) -> usize {
     terminal.or_else(stated).unwrap_or(WIDEST).max(NARROWEST)
 }
 
-/// A space at which no line is folded.
+/// A non-breaking space.
 pub const TIE: char = '\u{a0}';
 
-/// A line as several of at most `width` columns, if its words allow that. All but the first begin
-/// with `indent` spaces. A number stays with its unit, and so do words with a [`TIE`] between them.
+/// Wraps a line to at most `width` columns, if its words allow that. All but the first begin with
+/// `indent` spaces. A number stays with its unit, and so do words with a [`TIE`] between them.
 pub fn folded(line: &str, width: usize, indent: usize) -> String {
     let start = line.len() - line.trim_start().len();
     let mut text = line[..start].to_owned();
@@ -63,7 +63,7 @@ pub fn folded(line: &str, width: usize, indent: usize) -> String {
     text.replace(TIE, " ")
 }
 
-/// True if a line does not end between these words.
+/// True if a line must not break between these words.
 fn stays(before: &str, word: &str) -> bool {
     let is_digit = |letter: Option<char>| letter.is_some_and(|letter| letter.is_ascii_digit());
     let bare = word.trim_end_matches([',', ';', ':', '.', ')']);
@@ -93,7 +93,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table with these heads. So many columns from the left are flush left, the others flush
+    /// A table with these heads. This many columns from the left are flush left, the others flush
     /// right.
     pub fn new<T: Into<String>>(heads: impl IntoIterator<Item = T>, left: usize) -> Self {
         let mut table = Self { rows: Vec::new(), left };
@@ -116,8 +116,8 @@ impl Table {
         self.rows.get(1..).unwrap_or_default()
     }
 
-    /// The lines, indented by two. Columns that do not fit into `width` follow below, beside the
-    /// first column again.
+    /// The lines, indented by two. Columns that do not fit into `width` follow below, with the
+    /// first column repeated.
     pub fn text(&self, width: usize) -> String {
         let count = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let cell = |row: &[String], column: usize| row.get(column).cloned().unwrap_or_default();
@@ -184,7 +184,7 @@ mod tests {
         let narrow =
             "  level  size    bytes\n  0      8 x 8  1.5 MB\n  level  prefix\n  0        2 MB\n";
         assert_eq!(table.text(23), narrow);
-        // A column that is wider than the terminal is shown all the same.
+        // A column wider than the terminal is shown anyway.
         assert_eq!(table.text(1).lines().count(), 6);
     }
 }

@@ -1,6 +1,6 @@
 //! The command line: arguments in, reports on stdout, progress and warnings on stderr.
 //!
-//! One file a verb. Verbs return their reports; printing and exit codes are here.
+//! There is one file per verb. Verbs return their reports; printing and exit codes are here.
 
 mod animation;
 mod attach;

@@ -1,5 +1,5 @@
-//! Fields that a program which holds this library opens, such as the Python module: as verbs open
-//! theirs, with the same options and the same settings beside the input.
+//! Fields for programs that embed this library, such as the Python module: opened like a verb's
+//! input, with the same options and the same settings beside it.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -49,7 +49,7 @@ impl OpenField {
     /// Opens the field that the arguments name: options, then a path.
     ///
     /// # Errors
-    /// Arguments that no field has, and those of opening.
+    /// Invalid arguments, and errors of opening.
     pub fn new(arguments: Vec<OsString>) -> std::result::Result<Self, Box<Failure>> {
         let words = std::iter::once("open".into()).chain(arguments);
         let parsed = command().try_get_matches_from(words);
@@ -76,7 +76,7 @@ impl OpenField {
         opened.map_err(|error| Failure::of(&error))
     }
 
-    /// Of a trained input that is open already.
+    /// From an open trained input.
     pub fn of_source(source: Source) -> Self {
         Self { content: Content::Trained(Box::new(source)), limits: Limits::default() }
     }
@@ -97,10 +97,10 @@ impl OpenField {
         }
     }
 
-    /// What shows it: level 0 alone of a trained input.
+    /// Its renderer; only level 0 for a trained input.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn renderer(&self) -> Result<Renderer> {
         match &self.content {
             Content::Baked(container, scene) => {
@@ -112,7 +112,7 @@ impl OpenField {
 }
 
 impl Arguments {
-    /// Opens the file that the arguments name, or one that is held.
+    /// Opens the file that the arguments name, or bytes in memory.
     fn open(&self, held: Option<&Arc<SourceFile>>) -> Result<OpenField> {
         let limits = self.common.limits();
         let _permit = self.common.network_permit();
@@ -120,7 +120,7 @@ impl Arguments {
             Some(file) => self.content_of(file, &limits)?,
             None => self.content(&limits)?,
         };
-        // Whoever holds a field may bake to its file again.
+        // The owner of a field may bake to its file again.
         match &content {
             Content::Baked(container, _) => container.file().unguard(),
             Content::Trained(source) => source.file.unguard(),

@@ -1,4 +1,4 @@
-//! The report of a verb, and the ways to print it.
+//! The report of a verb, and its printing.
 
 use std::io::{ErrorKind as IoErrorKind, IsTerminal, Write};
 use std::sync::Mutex;
@@ -36,7 +36,7 @@ impl Outcome {
         Ok(Self { text, json: json.into(), sarif: None, failure: None })
     }
 
-    /// With the warnings of the run, which are the reason of a failure where they are denied.
+    /// Adds the warnings of the run, which cause a failure if warnings are denied.
     pub(super) fn with_warnings(mut self, common: &Common) -> Self {
         if let serde_json::Value::Object(report) = &mut self.json {
             report.insert("warnings".to_owned(), common.warnings.texts().into());
@@ -45,13 +45,13 @@ impl Outcome {
         self
     }
 
-    /// Of a verb that has already printed its report.
+    /// For a verb that has already printed its report.
     pub(super) fn reported(failure: Option<String>) -> Self {
         Self { text: String::new(), json: serde_json::Value::Null, sarif: None, failure }
     }
 }
 
-/// Prints a report to stdout, or to stderr where stdout holds an output file.
+/// Prints a report to stdout, or to stderr if stdout is an output file.
 pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Result<()> {
     let text = match common.format {
         _ if outcome.json.is_null() => return Ok(()),
@@ -74,7 +74,7 @@ pub(super) fn print(outcome: &Outcome, common: &Common, to_stderr: bool) -> Resu
     write_stdout(text.as_bytes())
 }
 
-/// Writes to stdout. A closed pipe is no error: its reader has read enough.
+/// Writes to stdout. A closed pipe is not an error, because its reader has read enough.
 pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
@@ -84,12 +84,12 @@ pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// The words for a setting that is assumed: the library's options have flags here.
+/// The message for an assumed setting, with the flag for the library's option.
 pub(super) fn assumed(message: &str) -> String {
     message.replace("; option ", "; --")
 }
 
-/// The reason to fail because of warnings, if they are denied and there are some.
+/// The reason to fail if warnings are denied and there are any.
 pub(super) fn denied(common: &Common) -> Option<String> {
     let count = common.warnings.texts().len();
     (common.deny_warnings && count > 0)
@@ -105,7 +105,7 @@ pub(super) fn warn(message: &str, common: &Common) {
     }
 }
 
-/// A message whose lines fit the terminal that shows it. Programs get it as it is.
+/// Wraps a message to the terminal. Programs get it unchanged.
 pub(super) fn folded_for_people(message: &str) -> String {
     match std::io::stderr().is_terminal() {
         true => folded(message, message_columns(), 4),
@@ -113,8 +113,8 @@ pub(super) fn folded_for_people(message: &str) -> String {
     }
 }
 
-/// Writes a line to stderr, above the bar that is drawn there. A stderr that cannot be written is
-/// ignored: there is no other place for the message.
+/// Writes a line to stderr, above the progress bar. Errors of stderr are ignored, because there is
+/// no other place for the message.
 pub(super) fn say(line: &str) {
     let write = || {
         writeln!(std::io::stderr(), "{line}").ok();
@@ -136,7 +136,7 @@ pub(super) fn counted(count: usize, noun: &str) -> String {
     if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }
 
-/// Bytes in the unit that people read.
+/// Bytes in a readable unit.
 pub(super) fn readable(bytes: u64) -> String {
     let units = ["B", "kB", "MB", "GB", "TB"];
     let mut value = bytes as f64;
@@ -148,7 +148,7 @@ pub(super) fn readable(bytes: u64) -> String {
     if unit == 0 { format!("{bytes} B") } else { format!("{value:.2} {}", units[unit]) }
 }
 
-/// Peak resident memory of this process as the operating system counts it, where it says.
+/// Peak resident memory of this process, if the operating system reports it.
 pub(super) fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -10,7 +10,7 @@ use mipvog_inputs::tensor::extensions;
 /// The name of the standard input or output.
 pub const STANDARD_STREAM: &str = "-";
 
-/// Arguments that name files to write. Every other argument that names a file is an input.
+/// Arguments that name output files. All other file arguments are inputs.
 pub const OUTPUTS: [&str; 5] = ["output", "gltf", "depfile", "results", "junit"];
 
 /// The scheme of an address, such as `s3` of `s3://bucket/key`.
@@ -22,8 +22,8 @@ fn scheme(path: &Path) -> Option<&str> {
     .then_some(scheme)
 }
 
-/// The reason why an output's path is refused, if it is an address: a folder of its name would look
-/// like an upload.
+/// The reason to refuse an output's path that is an address: a folder of that name would look like
+/// an upload.
 pub fn address_reason(path: &Path) -> Option<String> {
     let scheme = scheme(path)?;
     Some(format!(
@@ -46,10 +46,10 @@ fn shown(path: &Path) -> PathBuf {
     bytes::shown(&path.to_string_lossy())
 }
 
-/// Refuses an input that is an address of a kind that is not read.
+/// Refuses an input that is an unsupported address.
 ///
 /// # Errors
-/// `Usage`, and `Unsupported` where a program with the network would read it.
+/// `Usage`, and `Unsupported` if a build with the network would read it.
 pub fn refuse_unread_address(path: &Path) -> Result<()> {
     match scheme(path) {
         Some("https" | "http") if !cfg!(feature = "network") => {
@@ -75,7 +75,7 @@ pub fn digest(path: &Path) -> Result<String> {
 }
 
 /// Starts writing `path`, or to the standard output for `-`; an existing file is refused unless
-/// `force`. Files that ended runs of the program left in its folder are removed first.
+/// `force`. Leftover files of killed runs in its folder are removed first.
 pub fn create(path: &Path, force: bool) -> Result<Output> {
     if path == Path::new(STANDARD_STREAM) {
         if std::io::stdout().is_terminal() {
@@ -89,20 +89,20 @@ pub fn create(path: &Path, force: bool) -> Result<Output> {
     Output::create(path, force)
 }
 
-/// Extensions of files that are no containers, beside those of trained models.
+/// Extensions of files other than containers, beside those of trained models.
 const OTHER_KINDS: [&str; 12] =
     ["exr", "gif", "glb", "gltf", "html", "jpeg", "jpg", "mp4", "npy", "png", "webp", "zip"];
 
 /// Starts writing a container.
 ///
 /// # Errors
-/// Those of [`check_container_name`] and of [`create`].
+/// Errors of [`check_container_name`] and of [`create`].
 pub fn create_container(path: &Path, force: bool) -> Result<Output> {
     check_container_name(path)?;
     create(path, force)
 }
 
-/// Refuses names that say that a container is something else.
+/// Refuses names with the extension of another format.
 ///
 /// # Errors
 /// `Usage`.
@@ -125,7 +125,7 @@ pub fn check_container_name(path: &Path) -> Result<()> {
     }
 }
 
-/// The reason why a path names no file, whatever is there.
+/// The reason why a path cannot be a file.
 pub fn no_file_reason(path: &Path) -> Option<&'static str> {
     let name = path.as_os_str().as_encoded_bytes();
     if name.contains(&0) {
@@ -134,7 +134,7 @@ pub fn no_file_reason(path: &Path) -> Option<&'static str> {
     (name.ends_with(b"/") || path.file_name().is_none()).then_some("a folder")
 }
 
-/// Refuses the standard output where a verb writes a folder, or a file whose name others refer to.
+/// Refuses the standard output if a verb writes a folder, or a file whose name others refer to.
 pub fn refuse_stdout(path: &Path, reason: &str) -> Result<()> {
     match path == Path::new(STANDARD_STREAM) {
         true => Err(Error::usage(format!("-o - is not possible here: {reason}"))),

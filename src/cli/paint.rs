@@ -5,8 +5,8 @@ use std::io::IsTerminal;
 
 use super::common::When;
 
-/// True if messages on stderr have colours. `NO_COLOR` switches them off, `CLICOLOR=0` too, and
-/// `CLICOLOR_FORCE` on; an explicit `--color` counts more than all of them.
+/// True if messages on stderr have colours. `NO_COLOR` and `CLICOLOR=0` switch them off,
+/// `CLICOLOR_FORCE` on; an explicit `--color` overrides all of them.
 pub fn is_colored(asked: When) -> bool {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let terminal = std::io::stderr().is_terminal()

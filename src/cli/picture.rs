@@ -4,17 +4,17 @@ use crate::base::error::Result;
 use crate::picture::{self, Samples};
 use crate::view::render::Frame;
 
-/// As training wrote pictures: clamped, times 255, rounded to nearest.
+/// 8-bit values as in training: clamped, times 255, rounded to nearest.
 fn byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Three bytes a pixel, over the background.
+/// Three bytes per pixel, over the background.
 pub fn rgb8(frame: &Frame) -> Vec<u8> {
     frame.color.as_flattened().iter().map(|&value| byte(value)).collect()
 }
 
-/// Four bytes a pixel: colours without the background, not multiplied by alpha.
+/// Four bytes per pixel: colours without the background, not premultiplied.
 pub fn rgba8(frame: &Frame, background: [f32; 3]) -> Vec<u8> {
     let pixels = frame.color.iter().zip(&frame.transmittance);
     let pixel = |(color, &left): (&[f32; 3], &f32)| {
@@ -24,7 +24,7 @@ pub fn rgba8(frame: &Frame, background: [f32; 3]) -> Vec<u8> {
             false => 0,
         };
         let alpha = byte(opacity);
-        // A pixel that is not there has no colour either.
+        // A fully transparent pixel has no colour.
         if alpha == 0 { [0; 4] } else { [own(0), own(1), own(2), alpha] }
     };
     pixels.flat_map(pixel).collect()

@@ -1,4 +1,4 @@
-//! The pictures of `render` on their way into files: all of a run, or none.
+//! Writes the pictures of `render` to files: all of a run, or none.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,13 +12,13 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::model::camera::Camera;
 use crate::view::render::Frame;
 
-/// Frames a second where nothing else is asked for: a whole number of a GIF's units of time.
+/// Default frames per second: a whole number of a GIF's time units.
 const DEFAULT_RATE: u8 = 25;
 
-/// The user's wishes for files.
+/// The user's options for files.
 #[derive(Debug, Clone, Copy)]
 pub struct PictureOptions {
-    /// The colour to leave out behind the field, for pictures with alpha.
+    /// The background colour to remove, for pictures with alpha.
     pub without_background: Option<[f32; 3]>,
     /// Float32 pictures too.
     pub exr: bool,
@@ -35,14 +35,14 @@ pub struct Pictures {
     destination: Destination,
     options: PictureOptions,
     scales: usize,
-    /// Frames of the sheet that is being gathered.
+    /// Frames of the current sheet.
     row: Vec<Frame>,
     film: Option<Film>,
     made: Provisional,
 }
 
 impl Pictures {
-    /// Refuses what cannot be written before anything is rendered, and makes the folder.
+    /// Refuses impossible outputs before rendering, and makes the folder.
     pub fn begin(
         destination: Destination,
         cameras: &[Camera],
@@ -152,7 +152,7 @@ impl Pictures {
         Ok(files)
     }
 
-    /// Everything is there: it stays. Returns its bytes.
+    /// Finishes all files. Returns their bytes.
     pub fn finish(self) -> Result<u64> {
         let mut bytes = self.made.bytes();
         if let Some(film) = self.film {

@@ -64,7 +64,7 @@ impl UpAxis {
 }
 
 impl PlacementArguments {
-    /// The placement that the options state.
+    /// The placement from the options.
     pub fn placement(&self) -> Placement {
         let turns = self.rotate.map(|QuarterTurns(turns)| turns);
         let unmoved = Placement::default();

@@ -1,11 +1,11 @@
-//! Shares of one bar for the steps of a verb, by the time that they are expected to take.
+//! Shares of one progress bar for the steps of a verb, by expected time.
 
 use crate::bake::BakeOptions;
 use crate::base::progress::Step;
 use crate::model::camera::Camera;
 use crate::model::grid::Nodes;
 
-/// Seconds of a step for each node of level 0, on two threads. Only their ratios count.
+/// Seconds of a step per node of level 0, on two threads. Only their ratios matter.
 const PRUNE: f64 = 6e-8;
 const RANGES: f64 = 6e-8;
 const ENCODE: f64 = 1.5e-7;
@@ -16,12 +16,12 @@ const PIXEL: f64 = 3e-6;
 const FIT: f64 = 8e-6;
 const TARGETS: f64 = 8e-6;
 
-/// The steps that a verb will take in their order, and the part of the bar that is done.
+/// The planned steps of a verb in order, and the done part of the bar.
 #[derive(Debug, Default)]
 pub struct Plan {
     /// Steps with their expected cost in any unit.
     stages: Vec<(Step, f64)>,
-    /// Stages that began, and those before them.
+    /// Number of stages that have started or were skipped.
     begun: usize,
     /// Share of the bar before the current step.
     base: f64,
@@ -30,13 +30,13 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of these steps with their costs. A step that is not among them takes a half of what is left
-    /// of the bar before the next planned one.
+    /// From these steps with their costs. A step that is not among them takes half of the rest of
+    /// the bar before the next planned one.
     pub fn new(stages: Vec<(Step, f64)>) -> Self {
         Self { stages, ..Self::default() }
     }
 
-    /// Begins a step: all before it is done.
+    /// Begins a step; all steps before it are done.
     pub fn begin(&mut self, step: Step) {
         self.base += self.span;
         let found = self.stages.iter().skip(self.begun).position(|(own, _)| *own == step);
@@ -54,7 +54,7 @@ impl Plan {
         }
     }
 
-    /// The done part of the bar, 0 to 1, at `done` of `total` parts of the current step.
+    /// The done share of the bar, 0 to 1, at `done` of `total` parts of the current step.
     pub fn share(&self, done: u64, total: u64) -> f64 {
         let within = if total == 0 { 0.0 } else { (done as f64 / total as f64).min(1.0) };
         (self.base + self.span * within).min(1.0)
@@ -67,7 +67,7 @@ impl Plan {
     }
 }
 
-/// The steps of a bake of a field of `nodes`, whose container `judges` look at afterwards, at full
+/// The steps of a bake of a field of `nodes`, followed by pictures from `judges` cameras at full
 /// size and smaller.
 pub fn of_bake(options: &BakeOptions, nodes: Nodes, judges: &[Camera]) -> Vec<(Step, f64)> {
     let count = nodes.0.iter().map(|&nodes| nodes as f64).product::<f64>();
@@ -119,7 +119,7 @@ mod tests {
         };
         use Step::{Encode, Fit, Prune, Ranges, Render, Write};
         assert_grows(&mut Plan::new(stages()), &[Prune, Ranges, Encode, Write], 1.0);
-        // Steps that are left out, come twice, or are not in the plan.
+        // Steps that are skipped, repeated, or not in the plan.
         assert_grows(&mut Plan::new(stages()), &[Prune, Encode, Write], 1.0);
         assert_grows(&mut Plan::new(stages()), &[Prune, Prune, Encode, Write, Render], 1.0);
         assert_grows(&mut Plan::new(stages()), &[Encode, Prune], 0.75);

@@ -25,9 +25,9 @@ use crate::model::camera::Ray;
 use crate::view::render::Renderer;
 use mipvog_inputs::tensor::{self, Row, TensorFile, Value, safetensors_header};
 
-/// The farthest that the length of a unit direction may be from 1.
+/// Tolerance of the length of a unit direction.
 const UNIT_TOLERANCE: f64 = 1e-3;
-/// Points whose colours a thread finds at once.
+/// Points per thread and batch.
 const CHUNK: usize = 64;
 
 /// Compute colours of rays and values at points
@@ -217,7 +217,7 @@ fn points(file: &TensorFile, name: &str, budget: &mut Budget) -> Result<Points> 
     Ok(values.as_chunks().0.to_vec())
 }
 
-/// A tensor of unit vectors, made unit to the last digit.
+/// A tensor of unit vectors, normalized exactly.
 fn units(file: &TensorFile, name: &str, budget: &mut Budget) -> Result<Vec<[f64; 3]>> {
     let rows = points(file, name, budget)?.into_iter().enumerate();
     let unit = rows.map(|(row, direction)| {

@@ -25,7 +25,7 @@ use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::parallel;
 use crate::base::text::printable;
 
-/// What opens a field, which is no verb.
+/// Opens a field; not a verb.
 const OPEN: &str = "open";
 
 /// Bake trained radiance fields (Mip-VoG, DirectVoxGO, Plenoxels, ...) into small files
@@ -81,8 +81,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(main_of(std::env::args_os().collect()))
 }
 
-/// [`main`] for a process whose command line is not the program's own. The first argument is the
-/// program's name.
+/// [`main`] for a process with a different command line. The first argument is the program's name.
 pub fn main_of(arguments: Vec<OsString>) -> u8 {
     shell::note_typed(&arguments);
     let (cli, matches) = match parse(&arguments) {
@@ -112,11 +111,11 @@ pub fn main_of(arguments: Vec<OsString>) -> u8 {
     code
 }
 
-/// Tells of an error on stderr.
+/// Prints an error to stderr.
 fn tell(error: &Error, common: &Common) {
     let label = error_label(is_colored(common.color));
     let said = folded_for_people(&format!("{label} {}", printable(&message(error))));
-    // Messages about options say what is expected.
+    // Messages about options state the expected value.
     let is_of_options =
         matches!(error.kind(), ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. });
     if is_of_options && error.advice().is_none() {
@@ -126,9 +125,9 @@ fn tell(error: &Error, common: &Common) {
     say(&format!("{said}\n{help}"));
 }
 
-/// Tells of a command line that is none, and returns the exit code.
+/// Reports an invalid command line, and returns the exit code.
 fn refuse(error: &clap::Error, arguments: &[OsString]) -> u8 {
-    // Help and version are no errors; a closed pipe under them is none either.
+    // Help and version are not errors, and neither is a closed pipe.
     if !error.use_stderr() {
         error.print().ok();
         return 0;
@@ -152,11 +151,11 @@ fn refuse(error: &clap::Error, arguments: &[OsString]) -> u8 {
     failure.exit_code
 }
 
-/// Runs a verb for the program that holds this library: its arguments, an input that is no file, and
+/// Runs a verb for a program that embeds this library, with its arguments, an input in memory, and
 /// the watcher of the work. The report of a verb without one is null.
 ///
 /// # Errors
-/// Arguments that the verb does not have, the errors of the verb, and gates that are missed.
+/// Unknown arguments, errors of the verb, and missed gates.
 pub fn call(call: Call) -> std::result::Result<serde_json::Value, Box<Failure>> {
     let name = OsString::from("mipvog-bake");
     let arguments = std::iter::once(name).chain(call.arguments);
@@ -202,7 +201,7 @@ fn parse(arguments: &[OsString]) -> std::result::Result<(Cli, ArgMatches), clap:
     Ok((Cli::settled(&matches)?, matches))
 }
 
-/// The colours of messages about a command line that is not parsed.
+/// The colours of messages for an invalid command line.
 fn color_of(arguments: &[OsString]) -> When {
     match () {
         () if is_asked(arguments, "--color", "always") => When::Always,
@@ -211,7 +210,7 @@ fn color_of(arguments: &[OsString]) -> When {
     }
 }
 
-/// True if words that may be no command line give this value to an option.
+/// True if possibly invalid arguments set an option to this value.
 fn is_asked(arguments: &[OsString], option: &str, value: &str) -> bool {
     let joined = format!("{option}={value}");
     let apart = |pair: &[OsString]| matches!(pair, [name, own] if name == option && own == value);
@@ -219,7 +218,7 @@ fn is_asked(arguments: &[OsString], option: &str, value: &str) -> bool {
 }
 
 impl Cli {
-    /// The arguments, with paths that folders stand for.
+    /// The arguments, with folders replaced by the files in them.
     fn settled(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
         let mut cli = Self::from_arg_matches(matches)?;
         if let Verb::Bake(arguments) = &mut cli.verb {
@@ -273,7 +272,7 @@ fn run(verb: &Verb, common: &Common) -> Result<Option<Outcome>> {
     }
 }
 
-/// The program's arguments, for words that nobody typed.
+/// The program's arguments, for generated words.
 fn command() -> clap::Command {
     Cli::command().color(ColorChoice::Never)
 }

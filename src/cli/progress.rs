@@ -1,4 +1,4 @@
-//! Progress on stderr: one bar a verb that only grows, or plain lines where there is no terminal.
+//! Progress on stderr: one bar per verb that only grows, or plain lines without a terminal.
 
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -18,7 +18,7 @@ use crate::base::progress::{Progress, Step};
 
 /// Parts of the bar: finer than any terminal shows.
 const LENGTH: u64 = 10_000;
-/// Time between two lines of a step, at least.
+/// Minimum time between two lines of a step.
 const BETWEEN_LINES: Duration = Duration::from_secs(1);
 
 /// The progress of a verb.
@@ -42,13 +42,13 @@ struct Current {
     /// Start of the bar.
     start: Instant,
     last_line: Option<Instant>,
-    /// True once the user was told what an interrupt does.
+    /// True after the note about interrupts was shown.
     told: bool,
 }
 
 impl Bar {
-    /// A bar that is drawn where the user wants one, for a verb that first opens its inputs. Until
-    /// it is dropped, signals ask the work to end instead of ending it.
+    /// A bar, if requested, for a verb that first opens its inputs. Until it is dropped, signals
+    /// request a stop instead of ending the work.
     pub fn new(common: &Common) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let wanted = match common.progress {
@@ -89,13 +89,13 @@ impl Bar {
         Self { bar, current, work, lines, quiet: common.quiet, watcher }
     }
 
-    /// The steps that will come, with their costs in any unit. Without a plan each step takes half
-    /// of what is left of the bar.
+    /// Sets the planned steps, with their costs in any unit. Without a plan, each step takes half
+    /// of the rest of the bar.
     pub fn plan(&self, stages: Vec<(Step, f64)>) {
         self.current().plan = Plan::new(stages);
     }
 
-    /// Asks for the last time, before outputs get their names.
+    /// The last check before outputs get their names.
     ///
     /// # Errors
     /// `Cancelled` if the work should end.
@@ -123,7 +123,7 @@ impl Bar {
         }
     }
 
-    /// Says once what an interrupt of a fit does.
+    /// Explains once what an interrupt of a fit does.
     fn tell(&self, sentence: &str) {
         let told = std::mem::replace(&mut self.current().told, true);
         if !self.quiet && !told {
@@ -139,7 +139,7 @@ impl Current {
     }
 }
 
-/// The time left after `elapsed` for a share of the work; nothing before it can be told.
+/// The estimated remaining time, from `elapsed` for a share of the work; none before it is known.
 fn left(elapsed: Duration, share: f64) -> String {
     if share <= 0.005 || elapsed < Duration::from_millis(300) {
         return String::new();

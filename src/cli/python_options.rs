@@ -1,5 +1,5 @@
-//! The options of `bake` as Python's editors and batches know them: a module of
-//! `python/mipvog_bake`, which follows from the parser.
+//! The options of `bake` for Python editors and batches: a module of `python/mipvog_bake`,
+//! generated from the parser.
 
 use std::any::TypeId;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use super::manifest::OF_ALL;
 use super::output::OUTPUTS;
 use super::program::Cli;
 
-/// Options that a call of `bake` has no use for, or has as arguments of its own.
+/// Options that do not apply to a call of `bake`, or are arguments of the call.
 const NONE_OF: [&str; 8] =
     ["help", "version", "format", "quiet", "verbose", "color", "progress", "dry-run"];
 const HEAD: &str = r#""""The options of `bake`. They follow from the program's parser:

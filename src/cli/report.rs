@@ -36,7 +36,7 @@ pub struct Arguments {
     force: bool,
 }
 
-/// Failures that the table for people shows.
+/// Failures in the table for people.
 const SHOWN: usize = 20;
 
 /// A scene that failed.
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<Outcome> {
                 let expected = "input, output, status, exit_code, seconds, output_bytes, error";
                 Error::malformed(Place::Line(number), found, expected).in_file(path)
             })?;
-            // A later result takes the place of the first one.
+            // A later result replaces an earlier one.
             let place = scenes.len();
             let entry = scenes.entry(result.output.clone()).or_insert((place, result.clone()));
             entry.1 = result;

@@ -46,7 +46,8 @@ pub struct SceneArguments {
     /// View network: auto (the checkpoint's), none, or a file
     #[arg(long, value_name = "auto|none|FILE", default_value = "auto", value_parser = parse_mlp)]
     pub mlp: MlpChoice,
-    /// Coarse checkpoint, which has the threshold of the free-space mask [default: beside the input]
+    /// Coarse checkpoint, which has the threshold of the free-space mask [default: beside the
+    /// input]
     #[arg(long, value_name = "FILE")]
     pub coarse: Option<std::path::PathBuf>,
     /// Input units per scene unit, such as 0.66667 for Plenoxels of NeRF-synthetic scenes [default:
@@ -70,8 +71,8 @@ pub struct SceneArguments {
     /// [default: all that the model shows]
     #[arg(long, value_name = "F")]
     pub extent: Option<f32>,
-    /// Appearance of a nerfacto model: mean, zero, or that of a training picture by its number, from
-    /// 0 [default: as in nerfstudio's own pictures]
+    /// Appearance of a nerfacto model: mean, zero, or that of a training picture by its number,
+    /// from 0 [default: as in nerfstudio's own pictures]
     #[arg(long, value_name = "mean|zero|N", value_parser = parse_appearance)]
     pub appearance: Option<AppearanceChoice>,
     /// Grid of an OpenVDB file that holds density [default: density, else the only fog volume]
@@ -178,7 +179,7 @@ impl SceneArguments {
             true => None,
             false => SceneSettings::beside(input, limits)?,
         };
-        // A camera file that cannot be read is told by the reader of cameras.
+        // The reader of cameras reports an unreadable camera file.
         if let Some(file) = cameras
             && let Ok(found) = file.read(Some([1; 2]), limits)
         {

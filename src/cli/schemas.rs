@@ -1,4 +1,4 @@
-//! JSON schemas of reports, as they follow from the types of the reports.
+//! JSON schemas of reports, derived from the types of the reports.
 
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema};

@@ -1,20 +1,20 @@
-//! Commands that reports suggest: they can be pasted as they stand.
+//! Suggested commands in reports, which can be pasted unchanged.
 
 use std::ffi::OsString;
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// The program's name where it is installed.
+/// The program's name, if installed.
 const NAME: &str = "mipvog-bake";
 
 static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Notes the command line, of which the first word is the program.
+/// Stores the command line, starting with the program.
 pub fn note_typed(words: &[OsString]) {
     TYPED.get_or_init(|| words.to_vec());
 }
 
-/// The command line after the program's name; none where the program is a library of another one.
+/// The command line after the program's name; none if the library is embedded in another program.
 pub fn typed() -> Option<&'static [OsString]> {
     TYPED.get()?.get(1..)
 }
@@ -30,7 +30,7 @@ pub fn command<T: AsRef<std::ffi::OsStr>>(words: impl IntoIterator<Item = T>) ->
     std::iter::once(own).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// True if a shell finds this very program by its name alone.
+/// True if a shell finds this program by name.
 fn is_found(path: &Path) -> bool {
     let folders = std::env::var_os("PATH").unwrap_or_default();
     let Ok(own) = path.canonicalize() else { return false };
@@ -40,7 +40,7 @@ fn is_found(path: &Path) -> bool {
     first.and_then(|found| found.canonicalize().ok()).is_some_and(|found| found == own)
 }
 
-/// A word as a shell reads it back.
+/// A word, quoted for a shell.
 pub fn quoted(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "_-./:=@%+,".contains(letter);
     match () {

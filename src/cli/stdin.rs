@@ -1,7 +1,7 @@
 //! The standard input as an input file.
 //!
-//! Inputs are read by position, which a pipe cannot be. So the program copies it to a temporary
-//! file first.
+//! Inputs are read by position, which pipes do not support. So the program copies the standard
+//! input to a temporary file first.
 
 use std::io::{IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
@@ -20,12 +20,12 @@ use mipvog_outputs::gltf::asset::is_asset;
 /// The name of the standard input in messages.
 const STANDARD_INPUT: &str = "standard input";
 
-/// A longer input must be of a kind that verbs read: an endless one would fill the disk.
+/// A longer input must be of a supported kind, because an endless one would fill the disk.
 const OF_ANY_KIND: u64 = 64 << 20;
 
 static SPOOLED: Mutex<Option<Copy>> = Mutex::new(None);
 
-/// The copy. A program that a signal ends removes it too.
+/// The copy. It is also removed if a signal ends the program.
 struct Copy {
     file: NamedTempFile,
     _unfinished: Unfinished,
@@ -51,7 +51,7 @@ pub fn resolve(path: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Removes the copy. A value that lives as long as the program is not dropped at its end.
+/// Removes the copy, because static values are not dropped at the end of the program.
 pub fn remove_copy() {
     drop(lock(&SPOOLED).take());
 }

@@ -18,13 +18,13 @@ impl StoredArguments {
         self.given.iter().any(|(option, _)| option.key == key)
     }
 
-    /// Explicit options override the preset's, and what a quality stands for where the field is
-    /// `seen` from cameras or not.
+    /// Explicit options override those of the preset and of the quality, which depend on whether
+    /// the field is `seen` from cameras.
     ///
     /// # Errors
-    /// `Usage` for a text that is no value.
+    /// `Usage` for invalid values.
     pub fn apply(&self, options: &mut BakeOptions, seen: bool) -> Result<()> {
-        // What a quality stands for comes first.
+        // The options of a quality come first.
         let (qualities, others): (Vec<_>, Vec<_>) =
             self.given.iter().partition(|(option, _)| option.key == "quality");
         for (option, text) in qualities.into_iter().chain(others) {
@@ -35,7 +35,7 @@ impl StoredArguments {
     }
 }
 
-/// The argument of an option: its value, or a list for sweeps.
+/// The argument of an option: a value, or a list for sweeps.
 pub fn argument(option: &'static BakeOption, value_name: &'static str, help: &'static str) -> Arg {
     let set = option.set;
     let is_value =

@@ -32,9 +32,9 @@ use mipvog_inputs::tensor;
 /// Bake with many settings and plot the best ones
 ///
 /// Every combination of the given lists is baked; separate values with commas. By default, four bit
-/// depths are tried with three filters, and eight pictures are taken from around the scene. Settings
-/// that an earlier sweep finished in the same folder, from the same input and cameras, are not baked
-/// again. If a setting fails, the others are still measured, and the exit code is 1.
+/// depths are tried with three filters, and eight pictures are taken from around the scene.
+/// Settings that an earlier sweep finished in the same folder, from the same input and cameras, are
+/// not baked again. If a setting fails, the others are still measured, and the exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   mipvog-bake sweep fine_last.tar -o sweep/

@@ -9,8 +9,8 @@ use super::scene::SceneArguments;
 use super::shell;
 use crate::sweep::Setting;
 
-/// The command for a setting, from the words of the sweep's own command line: the input, the
-/// options of the scene, those of cameras if the bake looks from them, and the setting's own.
+/// The command for a setting, from the sweep's own command line: the input, the options of the
+/// scene, those of cameras if the bake uses them, and the setting's own.
 pub fn bake_command(input: &OsStr, setting: &Setting) -> Option<String> {
     let typed = shell::typed()?;
     let mut words: Vec<OsString> = vec!["bake".into(), input.to_owned()];
@@ -23,7 +23,7 @@ pub fn bake_command(input: &OsStr, setting: &Setting) -> Option<String> {
     Some(shell::command(words))
 }
 
-/// The words of a command line that are options of `A`, with their values.
+/// The options of `A` in a command line, with their values.
 fn kept<A: Args>(typed: &[OsString]) -> Vec<OsString> {
     let own = A::augment_args(Command::new("bake"));
     let find = |word: &OsStr| {

@@ -24,7 +24,7 @@ pub struct ThumbnailArguments {
 }
 
 impl ThumbnailArguments {
-    /// True if the container has the thumbnail that is asked for, if any is.
+    /// True if the container has the requested thumbnail, or none is requested.
     pub fn is_in(self, container: &Container) -> bool {
         let Some(side) = self.thumbnail.map(usize::from) else { return true };
         let place = Place::File;
@@ -32,7 +32,7 @@ impl ThumbnailArguments {
         container.thumbnail().is_ok_and(|png| png.and_then(size) == Some([side; 2]))
     }
 
-    /// The written container with its thumbnail, if one is asked for.
+    /// The written container with its thumbnail, if requested.
     ///
     /// # Errors
     /// Those of reading, rendering and writing.

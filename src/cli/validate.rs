@@ -45,7 +45,7 @@ pub struct Arguments {
 /// Validates the files.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let limits = &common.limits();
-    // Findings that are printed are not told again.
+    // Printed findings are not repeated.
     let is_listed = common.format == Format::Text && !common.quiet;
     let several = arguments.files.len() > 1;
     let validated = RefCell::new(Vec::new());

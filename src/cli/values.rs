@@ -1,4 +1,4 @@
-//! Values of options, as they are typed.
+//! Parsers for values of options.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 

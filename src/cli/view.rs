@@ -78,7 +78,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
                        without encryption";
         warn(message, common);
     }
-    // Told before the work, which has no end. The address is what the verb is for: --quiet keeps it.
+    // Printed before serving, which never ends. The address is the purpose of the verb, so --quiet
+    // keeps it.
     let outcome = Outcome::new("view", &report, format!("{url}\n"))?.with_warnings(common);
     match common.format {
         Format::Text => write_stdout(outcome.text.as_bytes())?,
@@ -95,8 +96,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     Ok(())
 }
 
-/// Names the levels that a container which was cut does not hold. Other faults are the viewer's to
-/// tell.
+/// Names the missing levels of a truncated container. Other faults are the viewer's to tell.
 fn warn_of_levels(path: &Path, common: &Common) {
     let file = SourceFile::open(path).map(Arc::new);
     match file.and_then(|file| Container::read_prefix(file, &common.limits())) {

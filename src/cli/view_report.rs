@@ -1,4 +1,4 @@
-//! The kind of view dependence, as reports state it.
+//! The kind of view dependence, for reports.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::model::baked::ViewMetadata;
 use crate::view::compare::DirectionErrors;
 use mipvog_inputs::Source;
 
-/// The figure of colours that are equal.
+/// The PSNR of equal colours.
 const EQUAL_PSNR: f64 = 200.0;
 
 /// View-dependent colour.

@@ -1,4 +1,5 @@
-//! Viewpoints of `render`: given cameras, ways around the scene, flights, and the whole scene.
+//! Viewpoints of `render`: given cameras, paths around the scene, paths through cameras, and the
+//! whole scene.
 
 use clap::Args;
 
@@ -81,7 +82,7 @@ impl ViewpointArguments {
             let value = value.unwrap_or(f64::NAN);
             Error::require_option(value.is_nan() || holds(value), name, value, expected)
         };
-        // NaN stands for an option that is not given; a typed one is refused here.
+        // NaN means that an option is not given; a typed NaN is refused here.
         let typed = [self.elevation, self.radius, self.fov, self.start].into_iter().flatten();
         if typed.into_iter().any(|number| !number.is_finite()) {
             return Err(Error::usage(

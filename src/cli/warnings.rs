@@ -1,4 +1,4 @@
-//! The warnings of a run: they go to stderr at once, and into its report.
+//! The warnings of a run, which go to stderr immediately and into its report.
 
 use std::sync::Mutex;
 
@@ -16,7 +16,7 @@ struct Noted {
 }
 
 impl Warnings {
-    /// Notes a warning. Returns it with the name of the scene, or `None` if it was noted before.
+    /// Adds a warning. Returns it with the name of the scene, or `None` if it was added before.
     pub fn add(&self, text: &str) -> Option<String> {
         let mut noted = lock(&self.0);
         if noted.texts.iter().any(|other| other == text) {

@@ -1,11 +1,11 @@
-//! The program that holds this library and watches a verb at work.
+//! The program that embeds this library and watches a verb at work.
 
 use std::fmt;
 use std::sync::Arc;
 
 /// A program that watches the work.
 pub trait Watcher: Send + Sync {
-    /// The current step in words, and the share of all work that is done. Called from any thread.
+    /// Called from any thread, with the name of the current step and the done share of all work.
     fn shows(&self, step: &str, share: f64);
 
     /// True if the work should end.

@@ -20,7 +20,7 @@ use mipvog_outputs::format::{ExportFormat, ExportOptions, ExportSource, Exported
 
 /// The page of a folder.
 const INDEX: &str = "index.html";
-/// The picture of a folder, and its size: what links to pages are shown with.
+/// The picture of a folder and its size, for link previews.
 const POSTER: &str = "poster.png";
 const POSTER_SIZE: [usize; 2] = [600, 315];
 /// The text of a folder.
@@ -64,7 +64,7 @@ impl ExportFormat for Html {
         let expected = "0: a page has all levels";
         Error::require_option(options.level == 0, "level", options.level, expected)?;
         let bytes = bytes_of(source)?.len() as u64;
-        // Bytes, their text, and the page around it.
+        // Bytes, their base64 text, and the page.
         let page = (PAGE.len() + SCRIPT.len() + STYLE.len() + WORKER.len()) as u64;
         let needed = if is_file(output) { 4 * bytes + 2 * page } else { bytes };
         limits::check(

@@ -1,6 +1,6 @@
-//! The text for whoever uploads a folder.
+//! The instructions for uploading a folder.
 
-/// What a server should do with the files.
+/// The requirements for a server.
 pub(super) fn notes(container: &str) -> String {
     format!(
         "\

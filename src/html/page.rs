@@ -7,7 +7,7 @@ use sha2::{Digest as _, Sha256};
 use super::site::{PAGE, SCRIPT, STYLE, WORKER};
 use crate::report_page::escaped;
 
-/// Elements of the viewer's page that others stand in for.
+/// Elements of the viewer's page that are replaced.
 const LINK: &str = "<link rel=\"stylesheet\" href=\"style.css\" />";
 const IMPORT: &str = "<script type=\"module\" src=\"viewer.js\"></script>";
 const CHARSET: &str = "<meta charset=\"utf-8\" />";
@@ -40,11 +40,11 @@ pub(super) fn whole(name: &str, bytes: &[u8]) -> String {
             ),
             1,
         )
-        // Last, so that no text of the script is taken for one of these elements.
+        // Last, so that no text in the script matches one of these elements.
         .replacen(IMPORT, &format!("<script type=\"module\">{SCRIPT}{SCRIPT_END}"), 1)
 }
 
-/// A page beside the container `name`, with a picture for those who link to it.
+/// A page beside the container `name`, with a picture for link previews.
 pub(super) fn linking(name: &str, poster: &str, [width, height]: [usize; 2]) -> String {
     let title = escaped(title(name));
     let tags = format!(
@@ -58,7 +58,7 @@ pub(super) fn linking(name: &str, poster: &str, [width, height]: [usize; 2]) -> 
     titled(name).replacen(CHARSET, &format!("{CHARSET}\n    {tags}"), 1)
 }
 
-/// The container of a page that [`whole`] made; none in other texts.
+/// The container of a page from [`whole`]; none in other texts.
 pub(super) fn data_of(page: &str) -> Option<Vec<u8>> {
     let (_, data) = page.rsplit_once(DATA)?;
     let (data, _) = data.split_once(SCRIPT_END)?;
@@ -78,7 +78,7 @@ fn title(name: &str) -> &str {
     name.strip_suffix(".mipvog").unwrap_or(name)
 }
 
-/// A script or a style as a policy names it.
+/// The hash of a script or style for a content security policy.
 fn digest(text: &str) -> String {
     format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)))
 }
@@ -92,7 +92,7 @@ mod tests {
         for element in [LINK, IMPORT, CHARSET, BODY, END, "<title>", "</title>"] {
             assert_eq!(PAGE.matches(element).count(), 1, "{element}");
         }
-        // Nothing that ends an element early, and no carriage return, which a browser would change.
+        // No text that ends an element early, and no carriage return, which browsers change.
         for (text, end) in [(SCRIPT, "</script"), (WORKER, "</script"), (STYLE, "</style")] {
             assert!(!text.to_lowercase().contains(end) && !text.contains("<!--"));
             assert!(!text.contains('\r'));

@@ -6,7 +6,7 @@ pub const PAGE: &str = include_str!("../../viewer/dist/index.html");
 pub const SCRIPT: &str = include_str!("../../viewer/dist/viewer.js");
 /// The script of its workers.
 pub const WORKER: &str = include_str!("../../viewer/dist/worker.js");
-/// Decoders of what assets have compressed, which the page asks for when one does.
+/// Decoders for compressed assets, which the page loads on demand.
 pub const DECODERS: &str = include_str!("../../viewer/dist/decoders.js");
 /// Its style.
 pub const STYLE: &str = include_str!("../../viewer/dist/style.css");

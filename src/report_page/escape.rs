@@ -1,6 +1,6 @@
 //! Text inside HTML and SVG, in elements and in attributes.
 
-/// The text with letters that have a meaning in HTML and XML as entities.
+/// The text with special characters of HTML and XML as entities.
 pub fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     text.replace('"', "&quot;").replace('\'', "&#39;")

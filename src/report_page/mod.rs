@@ -1,4 +1,4 @@
-//! Reports as pages: single files that need no other, no network and no scripts.
+//! Reports as pages: self-contained files without scripts.
 
 mod escape;
 
@@ -31,7 +31,7 @@ pub fn command(text: &str) -> String {
     format!("<pre class=\"command\"><code>{}</code></pre>\n", escaped(text))
 }
 
-/// A picture that the page holds, of a PNG's bytes. `about` says what it shows.
+/// An embedded picture from a PNG's bytes. `about` describes it.
 pub fn picture(png: &[u8], [width, height]: [usize; 2], about: &str) -> String {
     let (data, about) = (STANDARD.encode(png), escaped(about));
     format!(

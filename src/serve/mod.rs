@@ -1,8 +1,8 @@
 //! A server of the web viewer and one file, on the loopback address.
 //!
-//! [`request`] reads a browser's request, strictly and within limits; [`range`] understands byte
-//! ranges; [`site`] holds the few names that are served, so that no path ever reaches the file
-//! system. Here connections are accepted and answered, a thread each.
+//! [`request`] parses requests strictly and within limits; [`range`] parses byte ranges; [`site`]
+//! has a fixed set of names, so that no path reaches the file system. This module accepts
+//! connections and answers each in its own thread.
 
 mod range;
 mod request;

@@ -7,14 +7,14 @@ use std::ops::Range;
 pub enum Asked {
     /// All of it.
     Whole,
-    /// These bytes, at least one.
+    /// These bytes; not empty.
     Part(Range<u64>),
-    /// Bytes that are not there.
+    /// Bytes out of range.
     Nothing,
 }
 
-/// The part of `length` bytes that the header `Range` asks for. An unknown range counts as no
-/// range, and so do several ranges at once: both are a server's right.
+/// The part of `length` bytes that the header `Range` asks for. Unknown ranges and multiple ranges
+/// are ignored, which servers may do.
 pub fn asked(header: Option<&str>, length: u64) -> Asked {
     let Some((first, last)) = header
         .and_then(|header| header.split_once('='))
@@ -40,7 +40,7 @@ pub fn asked(header: Option<&str>, length: u64) -> Asked {
     }
 }
 
-/// Decimal digits alone; no sign, no space.
+/// Only decimal digits; no sign, no space.
 fn number(text: &str) -> Option<u64> {
     let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     digits.then(|| text.parse().unwrap_or(u64::MAX))

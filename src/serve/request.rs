@@ -15,7 +15,7 @@ pub struct Request {
     pub is_head: bool,
     /// The target without its query.
     pub path: String,
-    /// The field `Range`, as far as it counts.
+    /// The field `Range`, if it applies.
     pub range: Option<String>,
     /// True if another request may follow on the connection.
     pub keeps_alive: bool,
@@ -28,7 +28,8 @@ pub enum Refusal {
     Malformed,
     /// Another method than GET and HEAD.
     Method,
-    /// Meant for another host: a page elsewhere whose name was made to point here.
+    /// For another host: a foreign page whose name was made to resolve to this machine (DNS
+    /// rebinding).
     Host,
     /// A head beyond the limits.
     TooLarge,
@@ -37,7 +38,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// What the answer says to people.
+    /// The readable message of the answer.
     pub fn words(self) -> &'static str {
         match self {
             Self::Host => {
@@ -64,17 +65,17 @@ impl Refusal {
 /// Requests of a connection, one after the other.
 pub struct Reader<R> {
     stream: R,
-    /// Bytes that have come and belong to no request yet.
+    /// Received bytes that are not part of a request yet.
     buffer: Vec<u8>,
 }
 
 impl<R: Read> Reader<R> {
-    /// From the start of a connection.
+    /// At the start of a connection.
     pub fn new(stream: R) -> Self {
         Self { stream, buffer: Vec::new() }
     }
 
-    /// The next request to a server at `address`; none where the connection ends before one.
+    /// The next request to a server at `address`; none if the connection ends first.
     pub fn next(
         &mut self,
         address: SocketAddr,
@@ -101,7 +102,7 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// Understands a head without its last two line ends.
+/// Parses a head without its last two line ends.
 fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
     // Fields may hold other bytes than ASCII, but not the bytes that are tested here.
     let text = std::str::from_utf8(head).map_err(|_| Refusal::Malformed)?;
@@ -132,7 +133,7 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
             return Err(Refusal::TooLarge);
         }
         let (name, value) = line.split_once(':').ok_or(Refusal::Malformed)?;
-        // A lone line end, a folded line or a space before the colon is how requests are smuggled.
+        // Lone line ends, folded lines and spaces before the colon enable request smuggling.
         let is_name = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_graphic());
         if !is_name || value.contains(['\r', '\n']) {
             return Err(Refusal::Malformed);
@@ -145,14 +146,13 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
             }
             "if-range" => is_conditional = true,
             "connection" if closes(value) => keeps_alive = false,
-            // There is nothing here that takes a body.
+            // No resource accepts a body.
             "content-length" if value != "0" => return Err(Refusal::Malformed),
             "transfer-encoding" => return Err(Refusal::Malformed),
             _ => {}
         }
     }
-    // Ranges are defined for GET alone, and no answer here carries a validator that a condition
-    // could hold by.
+    // Ranges are defined only for GET, and no answer has a validator for conditions.
     let range = range.filter(|_| !is_head && !is_conditional);
     match host {
         Some(host) if is_here(host, address) => Ok(Request { is_head, path, range, keeps_alive }),
@@ -160,17 +160,18 @@ fn parse(head: &[u8], address: SocketAddr) -> Result<Request, Refusal> {
     }
 }
 
-/// True if the field `Connection`, a list, asks for the connection's end.
+/// True if the list in the field `Connection` requests closing it.
 fn closes(value: &str) -> bool {
     value.split(',').any(|option| option.trim().eq_ignore_ascii_case("close"))
 }
 
-/// True for a name of this machine, whatever the port: a tunnel has a port of its own. A page
-/// elsewhere can make its own name point here, but not a number, nor `localhost`. So other names are
-/// refused, and numbers are taken: of this machine, and all where others are let in.
+/// True for a name of this machine with any port, because tunnels have their own ports. A foreign
+/// page can make its own name resolve to this machine, but not an IP address or `localhost`. So
+/// other names are refused, and IP addresses are accepted: those of this machine, or all if other
+/// machines are allowed.
 fn is_here(host: &str, address: SocketAddr) -> bool {
     let name = match host.rsplit_once(':') {
-        // A number of IPv6 has colons of its own, in brackets.
+        // IPv6 addresses contain colons, in brackets.
         Some((name, port)) if !port.contains(']') => {
             if !port.bytes().all(|byte| byte.is_ascii_digit()) {
                 return false;
@@ -238,7 +239,7 @@ mod tests {
         let at = |port: u16, host: &str| is_here(host, (HERE.0, port).into());
         for (port, host, here) in [
             (8080, "LocalHost:8080", true),
-            // A port may be one that is forwarded here.
+            // The port may be forwarded.
             (8080, "127.0.0.1", true),
             (8080, "127.0.0.1:9000", true),
             (80, "127.0.0.1", true),
@@ -304,7 +305,7 @@ mod tests {
         for (text, want) in cases {
             assert_eq!(first(&text), Some(Err(want)), "{}", &text[..text.len().min(80)]);
         }
-        // Nothing, or less than a head.
+        // Empty or incomplete heads.
         assert_eq!(first(""), None);
         assert_eq!(first("GET / HTTP/1.1\r\nHost: loc"), None);
     }

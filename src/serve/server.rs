@@ -1,4 +1,4 @@
-//! Accepts connections and answers them, a thread each.
+//! Accepts connections and answers each in its own thread.
 
 use std::io::Write;
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
@@ -15,10 +15,10 @@ use crate::base::error::{Error, Result};
 /// Connections at a time, at most; a browser opens six.
 const MAX_CONNECTIONS: usize = 64;
 
-/// A connection that is silent for so long is closed.
+/// Timeout of a silent connection.
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// After a connection that could not be accepted.
+/// Pause after a failed accept.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// Bytes of a file that are read at once.
@@ -36,7 +36,7 @@ impl Server {
     /// Binds `port` of an address of this machine; 0 takes a free one.
     ///
     /// # Errors
-    /// The address is none of this machine's, or the port is taken or not allowed.
+    /// The address does not belong to this machine, or the port is taken or not allowed.
     pub fn bind(host: IpAddr, port: u16, site: Site) -> Result<Self> {
         let place = || std::path::PathBuf::from(SocketAddr::new(host, port).to_string());
         let io = |error| Error::io(error, &place());
@@ -50,7 +50,7 @@ impl Server {
         self.address
     }
 
-    /// The page's address with the file to open, and the name that people know it by.
+    /// The page's address with the file to open and its display name.
     pub fn url(&self) -> String {
         let name = escaped(&self.site.file_name());
         let mut address = self.address;
@@ -60,17 +60,17 @@ impl Server {
         format!("http://{address}/?file={}&name={name}", self.site.kind().name())
     }
 
-    /// Answers for ever. A connection that breaks is its own affair.
+    /// Answers forever. Broken connections are ignored.
     pub fn run(&self) {
         let open = Arc::new(AtomicUsize::new(0));
         for connection in self.listener.incoming() {
             let Ok(connection) = connection else {
-                // The system may have no file left for one more connection. Asking again at once
-                // would only burn time.
+                // The system may be out of file descriptors. Retrying immediately would only waste
+                // time.
                 std::thread::sleep(PAUSE);
                 continue;
             };
-            // Dropped where there are too many: the browser asks again.
+            // Dropped if there are too many; browsers retry.
             if open.fetch_add(1, Ordering::AcqRel) >= MAX_CONNECTIONS {
                 open.fetch_sub(1, Ordering::AcqRel);
                 continue;
@@ -81,16 +81,16 @@ impl Server {
                 let _guard = guard;
                 answer_all(&connection, &site, address).ok();
             };
-            // Without a thread the connection is dropped, and its count with it.
+            // Without a thread, the connection and its count are dropped.
             std::thread::Builder::new().spawn(work).ok();
         }
     }
 }
 
-/// The address by which others in the network reach this machine, if it has one; else its loopback
-/// address. Nothing is sent: the system only chooses where it would be sent from.
+/// The address of this machine in the network, if it has one; else its loopback address. Nothing is
+/// sent: the system only selects the source address.
 fn own_address(any: IpAddr) -> IpAddr {
-    // Addresses for documentation, RFC 5737 and RFC 3849, which no machine has.
+    // Addresses for documentation, RFC 5737 and RFC 3849, which are never assigned.
     let (elsewhere, loopback): (SocketAddr, IpAddr) = match any {
         IpAddr::V4(_) => (([192, 0, 2, 1], 9).into(), std::net::Ipv4Addr::LOCALHOST.into()),
         IpAddr::V6(_) => {
@@ -104,7 +104,7 @@ fn own_address(any: IpAddr) -> IpAddr {
     socket.map_or(loopback, |own| own.ip())
 }
 
-/// A text as a value of a query, RFC 3986 section 2: all but unreserved letters as bytes in hex.
+/// Text as a query value, RFC 3986 section 2: all but unreserved characters are percent-encoded.
 fn escaped(text: &str) -> String {
     let escape = |byte: u8| match byte {
         b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => {
@@ -115,7 +115,7 @@ fn escaped(text: &str) -> String {
     text.bytes().map(escape).collect()
 }
 
-/// A connection that is counted until it ends.
+/// A guard that counts a connection until it ends.
 struct Guard(Arc<AtomicUsize>);
 
 impl Drop for Guard {
@@ -139,7 +139,7 @@ fn answer_all(stream: &TcpStream, site: &Site, address: SocketAddr) -> std::io::
                     return Ok(());
                 }
             }
-            // The bytes behind a request that was not understood mean nothing.
+            // Bytes behind an invalid request are meaningless.
             Some(Err(refusal)) => return refuse(stream, refusal),
         }
     }
@@ -186,7 +186,8 @@ fn send_body(stream: &TcpStream, resource: &Resource, bytes: Range<u64>) -> std:
     let mut at = bytes.start;
     while at < bytes.end {
         let count = PIECE.min(bytes.end - at) as usize;
-        // A file that shrank cannot be finished: the connection ends short of the stated length.
+        // A file that shrank cannot be sent completely: the connection ends before the stated
+        // length.
         file.read_into(at, &mut piece[..count]).map_err(std::io::Error::other)?;
         send(stream, &piece[..count])?;
         at += count as u64;

@@ -17,8 +17,8 @@ const VIEWER: [(&str, &str, &str); 5] = [
     ("/style.css", "text/css; charset=utf-8", STYLE),
 ];
 
-/// Headers of every answer: the page runs its own scripts alone, talks to no other host and is not
-/// stored.
+/// Headers of every answer: the page runs only its own scripts, contacts no other host and is not
+/// cached.
 pub const SAFETY_HEADERS: &str = "Cache-Control: no-store\r\n\
     Content-Security-Policy: default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; \
     worker-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
@@ -39,7 +39,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Told by the first bytes.
+    /// Detected from the first bytes.
     ///
     /// # Errors
     /// The file is neither.
@@ -98,7 +98,7 @@ impl Site {
     /// The viewer and `file`.
     ///
     /// # Errors
-    /// The file is nothing that the viewer shows.
+    /// The viewer cannot show the file.
     pub fn new(file: SourceFile) -> Result<Self> {
         Ok(Self { kind: Kind::of(&file)?, file: Arc::new(file) })
     }
@@ -114,7 +114,7 @@ impl Site {
         name.to_string_lossy().into_owned()
     }
 
-    /// The resource under a path, which must be exactly one of a handful.
+    /// The resource under a path, which must match exactly.
     pub fn get(&self, path: &str) -> Option<Resource> {
         if path.strip_prefix('/') == Some(self.kind.name()) {
             let body = Body::File(Arc::clone(&self.file));

@@ -1,4 +1,4 @@
-//! The results as a table for spreadsheets: one row a setting, after RFC 4180 but for its line
+//! The results as a table for spreadsheets: one row per setting, as in RFC 4180 except for line
 //! ends.
 
 use std::fmt::Write;
@@ -52,7 +52,7 @@ fn row(setting: &SettingReport, scales: usize) -> Vec<String> {
     let option = |name: &str| match &setting.options[name] {
         serde_json::Value::Null => String::new(),
         serde_json::Value::String(text) => quoted(text),
-        // Options are single floats, whose shortest text is the one that was typed.
+        // Options are f32, whose shortest text is the typed one.
         serde_json::Value::Number(number) if number.is_f64() => {
             shown(number.as_f64().map(|number| number as f32))
         }

@@ -106,7 +106,7 @@ pub fn forecast_sweep(
         repeat: options.repeat,
         threads: parallel::threads(),
         output_bytes: settings.iter().filter_map(|told| told.output_bytes).sum(),
-        // The sum of no numbers is -0.
+        // An empty sum is -0.
         seconds: seconds.map(|seconds| seconds * options.repeat as f64 + 0.0),
         settings,
     })

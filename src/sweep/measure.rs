@@ -19,7 +19,7 @@ use crate::view::compare::References;
 use crate::view::render::Renderer;
 use mipvog_inputs::Source;
 
-/// The things that all settings are measured with.
+/// The common inputs of all measurements.
 pub(super) struct Bench<'a> {
     pub(super) source: &'a Source,
     pub(super) origin: Origin,
@@ -77,7 +77,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     0.5 * (at(low) + at(high))
 }
 
-/// Passes on the wish to end, and nothing of a bake's own steps.
+/// Forwards requests to stop, but not the bake's own steps.
 pub(super) struct Baking<'a>(pub(super) &'a dyn Progress);
 
 impl Progress for Baking<'_> {
@@ -86,14 +86,14 @@ impl Progress for Baking<'_> {
     }
 }
 
-/// Shows the bakes and renders of a setting as steps of the sweep.
+/// Reports the bakes and renders of a setting as steps of the sweep.
 pub(super) struct Steps<'a> {
     pub(super) outer: &'a dyn Progress,
     pub(super) done: AtomicU64,
 }
 
 impl Steps<'_> {
-    /// Advances over steps that were left out.
+    /// Advances over skipped steps.
     pub(super) fn reach(&self, target: u64) {
         let left = target.saturating_sub(self.done.load(Ordering::Relaxed));
         self.advance(Step::Sweep, left);

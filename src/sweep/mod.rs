@@ -1,23 +1,22 @@
-//! Bakes over settings: each one's cost in time and bytes, its loss at every scale, and the choice
-//! of the best ones.
+//! Bakes with many settings: the cost of each in time and bytes, its loss at every scale, and the
+//! selection of the best ones.
 //!
-//! 1. **Settings** ([`Grid`]): every combination of the lists that were given, each once, in a
-//!    stable order and under a stable name.
+//! 1. **Settings** ([`Grid`]): every combination of the given lists, each once, in a stable order
+//!    and under a stable name.
 //! 2. **Measure**: each setting is baked into `FOLDER/NAME.mipvog`, timed, read back, rendered and
 //!    compared with the unbaked input, whose pictures are made once for all settings.
-//! 3. **Keep** ([`record`]): a finished setting leaves `FOLDER/NAME.json`. A later sweep takes a
-//!    result from there if everything that it follows from is the same, and neither bakes nor
-//!    renders.
-//! 4. **Tell**: the [`front`] of size and of time at each scale; `sweep.json`, `sweep.csv`
+//! 3. **Keep** ([`record`]): a finished setting leaves `FOLDER/NAME.json`. A later sweep reuses the
+//!    result if all of its inputs are the same, without baking or rendering.
+//! 4. **Report**: the [`front`] of size and of time at each scale; `sweep.json`, `sweep.csv`
 //!    ([`csv`]) and `sweep.html` ([`page`]), written anew by every run.
 //!
 //! Machines that share a folder share a sweep ([`Share`]): each takes a shard of the settings and
 //! keeps its results, and one more run merges them into the reports.
 //!
-//! [`forecast_sweep`] tells the cost of all that and writes nothing.
+//! [`forecast_sweep`] estimates the cost of all that, and writes nothing.
 //!
-//! A setting that cannot be baked has a failure for a result, and the others go on. An operating
-//! system that fails, or a caller who cancels, ends the sweep. Finished results stay.
+//! If a setting cannot be baked, its result is a failure, and the others continue. Errors of the
+//! operating system and cancellation end the sweep. Finished results stay.
 
 mod csv;
 mod forecast;

@@ -4,14 +4,14 @@ use super::setting::{Grid, Setting};
 use crate::base::limits::Limits;
 use crate::base::shard::Shard;
 
-/// The share that a run has in a sweep.
+/// The part of a sweep in a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Share {
     /// All settings, and the reports.
     All,
     /// The settings of a shard, without the reports.
     Shard(Shard),
-    /// The reports of what others have finished.
+    /// The reports of other runs' results.
     Merge,
 }
 

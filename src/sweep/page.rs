@@ -1,5 +1,4 @@
-//! The results as one page: plots and a table in a single file that needs no other, no network and
-//! no scripts.
+//! The results as one page: plots and a table in a self-contained file without scripts.
 
 use std::fmt::Write;
 
@@ -38,7 +37,7 @@ pub(super) fn page(report: &SweepReport) -> String {
     html + report_page::END
 }
 
-/// The setting that is worth its bytes, and the command that bakes it.
+/// The recommended setting, and the command that bakes it.
 fn recommendation(report: &SweepReport) -> String {
     let row = report.recommended_row();
     let Some((row, setting)) = row.and_then(|row| Some((row, report.settings.get(row)?))) else {
@@ -73,7 +72,7 @@ fn filters(report: &SweepReport) -> Vec<String> {
     filters
 }
 
-/// One cost of a setting, in the unit of its name.
+/// A cost of a setting, in the unit of its name.
 struct Cost {
     name: &'static str,
     value: fn(&SettingReport) -> Option<f64>,

@@ -1,7 +1,7 @@
-//! The results worth having.
+//! The Pareto front of results.
 //!
-//! A result is on the front if no other costs at most as much and is at least as good, and better
-//! in one of the two. Of results that are equal in both, the first is on it.
+//! A result is on the front if no other result is at least as good in both cost and quality, and
+//! better in one. Of equal results, the first is on the front.
 
 /// A result's cost (less is better) and quality (more is better).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Point {
     pub quality: f64,
 }
 
-/// For each point, true if it is on the front. A point that is no number is on none.
+/// For each point, true if it is on the front. NaN points are never on it.
 pub fn front(points: &[Point]) -> Vec<bool> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&i| !points[i].cost.is_nan() && !points[i].quality.is_nan())
@@ -34,12 +34,12 @@ pub fn front(points: &[Point]) -> Vec<bool> {
     on_front
 }
 
-/// PSNR of pictures that differ by no more than the rounding to 8 bits does.
+/// PSNR of pictures that differ only by rounding to 8 bits.
 const ROUNDING: f64 = 58.9;
 
 /// The knee of a front, from its points: the one that is farthest above the line between the
 /// cheapest and the best, in decibels over the logarithm of the cost. Errors below the rounding of
-/// pictures do not count. Of two points it is the better one.
+/// pictures do not count. Of two points, the better one is the knee.
 pub fn knee(points: &[Point]) -> Option<usize> {
     let quality = |point: &Point| point.quality.min(ROUNDING);
     let cheapest = points.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
@@ -73,7 +73,7 @@ mod tests {
         };
         assert_eq!(points(&[(1.0, 30.0), (2.0, 45.0), (4.0, 47.0), (8.0, 48.0)]), Some(1));
         assert_eq!(points(&[(8.0, 48.0), (1.0, 30.0)]), Some(0));
-        // More than a picture of 8 bits can show is worth nothing.
+        // Quality beyond 8-bit pictures has no value.
         assert_eq!(points(&[(0.43, 46.9), (0.65, 59.2), (0.95, 71.3)]), Some(1));
         assert_eq!(points(&[(0.65, 59.2), (0.95, 71.3)]), Some(0));
         assert_eq!(points(&[(1.0, 30.0)]), Some(0));

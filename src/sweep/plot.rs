@@ -4,8 +4,7 @@ use std::fmt::Write;
 
 use crate::report_page::escaped;
 
-/// The picture's size in its own units. Small, so that text stays readable where the page is
-/// narrow.
+/// The picture's size in its own units. Small, so that text stays readable on narrow pages.
 const SIZE: [f64; 2] = [340.0, 270.0];
 /// The corners that the axes span: left, top, right, bottom.
 const FRAME: [f64; 4] = [56.0, 10.0, 326.0, 226.0];
@@ -17,7 +16,7 @@ pub(super) struct PlotPoint {
     pub(super) at: [f64; 2],
     /// True if the front goes through it.
     pub(super) on_front: bool,
-    /// True for the one to recommend, which has a ring.
+    /// True for the recommended point, which has a ring.
     pub(super) is_chosen: bool,
     /// The number of its series, which decides its mark and its colour.
     pub(super) series: usize,
@@ -27,7 +26,7 @@ pub(super) struct PlotPoint {
     pub(super) title: String,
 }
 
-/// Draws points over axes with these names. `about` says it in words.
+/// Draws points over axes with these names. `about` is the text alternative.
 pub(super) fn plot(names: [&str; 2], about: &str, points: &[PlotPoint]) -> String {
     let [left, top, right, bottom] = FRAME;
     let [width, height] = SIZE;
@@ -61,7 +60,7 @@ pub(super) fn plot(names: [&str; 2], about: &str, points: &[PlotPoint]) -> Strin
             writeln!(svg, "<circle class=\"halo\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"8\"/>").ok();
         }
         svg += &mark(point.series, [x, y]);
-        // Labels of all points would lie on each other.
+        // Labels of all points would overlap.
         if point.on_front {
             svg += &text([x + 8.0, y + 4.0], "start", &point.label);
         }
@@ -85,7 +84,7 @@ pub(super) fn legend(names: &[String]) -> String {
     html + "</ul>\n"
 }
 
-/// Series differ in shape and in colour; more series than there are of these share some.
+/// Series differ in shape and in colour, which repeat for many series.
 const SHAPES: [&str; 6] = [
     "M-4 0A4 4 0 1 0 4 0A4 4 0 1 0 -4 0Z",
     "M-3.6 -3.6H3.6V3.6H-3.6Z",
@@ -109,7 +108,7 @@ fn text([x, y]: [f64; 2], anchor: &str, text: &str) -> String {
     format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{text}</text>\n")
 }
 
-/// Values to places along one axis.
+/// The mapping from values to places along an axis.
 struct Axis {
     low: f64,
     high: f64,

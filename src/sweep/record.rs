@@ -1,8 +1,8 @@
-//! Results that outlive a run.
+//! Persistent results.
 //!
-//! Beside each container lies a record: a digest of everything that its result follows from, and
-//! the result. A record without a result claims the names before anything else is written there, so
-//! that a sweep that was cut short knows its own files again.
+//! Each container has a record beside it: a digest of all inputs of its result, and the result. A
+//! record without a result claims the names before other files are written, so that an interrupted
+//! sweep recognizes its own files.
 
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,7 @@ fn record_path(folder: &Path, setting: &Setting) -> PathBuf {
 }
 
 impl SettingRecord {
-    /// A record of a result, or without one the claim to its names.
+    /// A record of a result; without a result, the claim to its names.
     pub fn new(setting: &Setting, digest: &str, result: Option<Kept>) -> Self {
         let (schema, setting) = (RECORD_SCHEMA.to_owned(), setting.name.clone());
         let (result, thumbnail) = result.unzip();
@@ -70,15 +70,15 @@ impl SettingRecord {
     }
 }
 
-/// Writes a file that is the sweep's to replace.
+/// Writes a file that the sweep may replace.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut output = Output::create(path, true)?;
     output.append(bytes)?;
     output.finish()
 }
 
-/// The result that a former sweep left of a setting, if it follows from the same things and its
-/// container is still there. An unreadable result is made again.
+/// The result of a setting from an earlier sweep, if its inputs are the same and its container
+/// still exists. An unreadable result is made again.
 pub fn finished(folder: &Path, setting: &Setting, digest: &str, limits: &Limits) -> Option<Kept> {
     let record = read(&record_path(folder, setting), limits)?;
     let record: SettingRecord = serde_json::from_slice(&record).ok()?;
@@ -91,7 +91,7 @@ pub fn finished(folder: &Path, setting: &Setting, digest: &str, limits: &Limits)
     is_there.then_some((result, record.thumbnail))
 }
 
-/// Refuses to begin where a file that no sweep wrote is in the way of one that this would write.
+/// Refuses to start if an output would replace a file that no sweep wrote.
 pub fn refuse_foreign(folder: &Path, settings: &[&Setting], limits: &Limits) -> Result<()> {
     let setting_files = |&setting: &&Setting| {
         let record = record_path(folder, setting);
@@ -124,7 +124,7 @@ fn read(path: &Path, limits: &Limits) -> Option<Vec<u8>> {
 pub struct Basis(Sha256);
 
 impl Basis {
-    /// Reads the input's values only where nothing else stands for them.
+    /// Reads the input's values only if no checksum represents them.
     pub fn new(source: &Source, cameras: &[Camera], options: &SweepOptions) -> Result<Self> {
         let mut basis = Self(Sha256::new());
         basis.add(env!("CARGO_PKG_VERSION").as_bytes());
@@ -137,7 +137,7 @@ impl Basis {
             basis.add(&side_file.digest);
         }
         let field = &source.field;
-        // Debug text names every value of these, to the last bit, and fields that will be added.
+        // Debug text has every value of these exactly, including future fields.
         basis.add(format!("{:?} {:?}", field.scene, field.view).as_bytes());
         if let Some(free_space) = &field.free_space {
             let (nodes, scale, shift) = (free_space.nodes, free_space.scale, free_space.shift);
@@ -168,7 +168,7 @@ impl Basis {
         hex(&basis.0.finalize().into())
     }
 
-    /// Adds bytes; their count goes first, so that parts cannot run into each other.
+    /// Adds bytes, prefixed by their count, so that parts cannot be confused.
     fn add(&mut self, bytes: &[u8]) {
         self.0.update((bytes.len() as u64).to_le_bytes());
         self.0.update(bytes);

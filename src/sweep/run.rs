@@ -66,14 +66,14 @@ pub fn sweep(
     }
     let text = serde_json::to_string_pretty(&report)
         .map_err(|error| Error::malformed(Place::File, error.to_string(), "finite numbers"))?;
-    // First the one by which a later sweep knows all three.
+    // First the report by which a later sweep recognizes all three.
     record::write_file(&folder.join("sweep.json"), format!("{text}\n").as_bytes())?;
     record::write_file(&folder.join("sweep.csv"), csv::csv(&report).as_bytes())?;
     record::write_file(&folder.join("sweep.html"), page::page(&report).as_bytes())?;
     Ok(report)
 }
 
-/// The settings that a run is to tell of.
+/// The settings in a run's report.
 fn own_settings(options: &SweepOptions) -> impl Iterator<Item = &Setting> {
     let numbered = (0..).zip(&options.settings);
     let own = numbered.filter(|(number, _)| match options.share {
@@ -83,7 +83,7 @@ fn own_settings(options: &SweepOptions) -> impl Iterator<Item = &Setting> {
     own.map(|(_, setting)| setting)
 }
 
-/// Each setting's outcome, and whether it comes from a former sweep.
+/// Each setting's outcome, and whether it comes from an earlier sweep.
 fn results(
     source: &Source,
     cameras: &[Camera],
@@ -110,12 +110,12 @@ fn results(
         .renderer(None, &options.limits)
         .map_err(|error| error.in_file(source.file.path()))?;
     let reference = Reference::Field(Box::new(reference));
-    // A folder that stays empty goes again.
+    // A folder that stays empty is removed.
     let mut made = Provisional::default();
     made.create_folder(folder)?;
     let references = References::new(&reference, cameras, &options.scales, 1).keep(&options.limits);
     let origin = source.origin();
-    // A bake counts as much as all pictures of a setting: which takes longer depends on both.
+    // A bake counts as much as all pictures of a setting; either may take longer.
     let bake_work = references.field_work();
     let share = (options.repeat as u64 + 1) * bake_work;
     progress.begin(Step::Sweep, missing * share + references.work() - bake_work);
@@ -150,7 +150,7 @@ fn results(
     Ok(results)
 }
 
-/// True if an error is not the setting's own.
+/// True if an error is not caused by the setting.
 pub(super) fn ends_sweep(error: &Error) -> bool {
     matches!(error.kind(), ErrorKind::Io(_) | ErrorKind::Cancelled | ErrorKind::Exists)
 }

@@ -10,23 +10,22 @@ use crate::quantize::Bits;
 /// One way to bake.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
-    /// Names its files. The same options have the same name in every sweep.
+    /// The name of its files. The same options have the same name in every sweep.
     pub name: String,
     /// Options of the bake.
     pub options: BakeOptions,
     /// The preset that says the same, if the sweep was asked for one.
     pub preset: Option<Preset>,
-    /// The options of `bake` that it stands for, as they are typed; none where options were made
-    /// otherwise.
+    /// The corresponding options of `bake` as text; none if the options were made otherwise.
     pub words: Option<Vec<String>>,
-    /// The command that bakes it, where that is known.
+    /// The command that bakes it, if known.
     pub command: Option<String>,
 }
 
 /// Values of an option to try.
 #[derive(Debug, Clone, PartialEq)]
 pub struct List {
-    /// The option, one that sweeps take lists of.
+    /// The option, which must support lists in sweeps.
     pub option: &'static BakeOption,
     /// Its values, as texts.
     pub values: Vec<String>,
@@ -38,22 +37,22 @@ pub struct List {
 pub struct Grid {
     /// Lists in the order of [`crate::bake::BAKE_OPTIONS`].
     pub lists: Vec<List>,
-    /// Settings of their own beside the combinations.
+    /// Additional settings beside the combinations.
     pub presets: Vec<Preset>,
 }
 
-/// Options and texts that make one value of an axis.
+/// Options and texts of one value of an axis.
 type Axis<'a> = Vec<(&'static BakeOption, &'a str)>;
 
 impl Grid {
-    /// Four depths with each of the filters that people choose between.
+    /// Four bit depths with each of the common filters.
     pub fn usual() -> Self {
         Self::default()
             .with("filter", &["rate-tent", "code", "paper"])
             .with("bits", &["6", "8", "10", "12"])
     }
 
-    /// With a list of the values of an option; nothing for one that has no list.
+    /// Adds a list of values of an option; no effect for options without lists.
     #[must_use]
     pub fn with(mut self, key: &str, values: &[&str]) -> Self {
         let option = BakeOption::find(key).filter(|option| option.list.is_some());
@@ -62,7 +61,7 @@ impl Grid {
         self
     }
 
-    /// The axes to combine. Values of an option that excludes another one count as more of its.
+    /// The axes to combine. Values of mutually exclusive options share an axis.
     fn axes(&self) -> Vec<Axis<'_>> {
         let mut axes: Vec<Axis> = Vec::new();
         for list in &self.lists {
@@ -78,11 +77,11 @@ impl Grid {
         axes
     }
 
-    /// Its settings, each once: filters vary slowest, presets come last. Without any list and any
-    /// preset these are [`Self::usual`]'s.
+    /// Its settings without duplicates: filters vary slowest, presets come last. Without any list
+    /// and any preset these are [`Self::usual`]'s.
     ///
     /// # Errors
-    /// `Usage` for a text that is no value of its option.
+    /// `Usage` for an invalid value of an option.
     pub fn settings(&self) -> Result<Vec<Setting>> {
         if *self == Self::default() {
             return Self::usual().settings();
@@ -134,10 +133,10 @@ impl Setting {
     }
 }
 
-/// A name such as `code-8bit-t1e-3-b8-z1`. Options that seldom change show only if they differ from
+/// A name such as `code-8bit-t1e-3-b8-z1`. Rarely changed options appear only if they differ from
 /// the default.
 fn name(options: &BakeOptions) -> String {
-    // Taken apart, so that a new option cannot be forgotten: two settings must not share a file.
+    // Destructured, so that new options cannot be forgotten: two settings must not share a file.
     let BakeOptions {
         filter,
         levels,

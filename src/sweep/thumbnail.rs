@@ -1,4 +1,4 @@
-//! Small pictures of a setting: what it shows, and where that is wrong.
+//! Small pictures of a setting: its rendering, and its errors.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -9,7 +9,7 @@ use crate::picture::{box_means, png};
 use crate::report_page::{FULL_HEAT, bytes_of};
 use crate::view::compare::{FrameErrors, Picture};
 
-/// Pixels along a row of each of the two pictures, about.
+/// Approximate width of each of the two pictures in pixels.
 const WIDTH: usize = 128;
 
 /// The field's picture, and to its right the errors of its pixels.
@@ -28,7 +28,7 @@ impl Thumbnail {
     ///
     /// # Errors
     ///
-    /// Those of writing a PNG.
+    /// Errors of writing a PNG.
     pub(super) fn of(frame: &FrameErrors) -> Result<Self> {
         let (want, got) = (shrunk(frame.want), shrunk(frame.got));
         let (width, height) = (got.width, got.height);

@@ -1,7 +1,7 @@
 //! Reads and writes `.mipvog` containers of radiance fields, and samples them at points.
 //!
-//! This is the smallest crate of `mipvog-bake`: what a game engine, a viewer or a converter needs of
-//! the format, and nothing that bakes. The format is specified in `formats/mipvog.md`.
+//! This is the smallest crate of `mipvog-bake`: the format for game engines, viewers and
+//! converters, without baking. The format is specified in `formats/mipvog.md`.
 //!
 //! ```no_run
 //! use mipvog_format::{Container, Limits, Sampler};
@@ -16,8 +16,8 @@
 //!
 //! # Stability
 //!
-//! The names on this page are the interface. Modules are hidden: they are for the other crates of
-//! the workspace, and any release may change them.
+//! The names on this page are the interface. Modules are hidden: they serve the other crates of the
+//! workspace, and may change in any release.
 
 #[doc(hidden)]
 pub mod base;

@@ -1,4 +1,4 @@
-//! The families of models, told by the keys of their files.
+//! The families of models, recognized by the keys of their files.
 
 use super::checkpoint::{self, unwrapped};
 use super::options::{AppearanceChoice, MlpChoice, SourceOptions};
@@ -15,14 +15,14 @@ use crate::base::limits::Limits;
 /// The name of unpacked containers in errors.
 pub const UNPACKED: &str = "an unpacked container";
 
-/// A family, and where the repository knows of it.
+/// A family, and its places in the repository.
 #[derive(Debug, Clone, Copy)]
 pub struct Registered {
     /// The family.
     pub family: Family,
     /// Its section in `docs/models.md`, or in `docs/inputs.md`.
     pub docs: &'static str,
-    /// The fuzz target that makes files of it.
+    /// The fuzz target that generates its files.
     pub fuzz: &'static str,
 }
 
@@ -47,8 +47,8 @@ const fn row(
     Reader { registered: Registered { family, docs, fuzz }, knows, open }
 }
 
-/// All but Mip-VoG, and DirectVoxGO with a network once a ray, to which every other file is held. A
-/// test holds the rows to the documentation, the fuzz targets and the schema of `inspect`.
+/// All families except Mip-VoG and DirectVoxGO with a network per ray, which are the fallback. A
+/// test compares the rows with the documentation, the fuzz targets and the schema of `inspect`.
 const READERS: [Reader; 12] = [
     row(Family::PlenOctree, "plenoctrees", "grids", plenoctree::knows, plenoctree::open_tensors),
     row(Family::Plenoxels, "plenoxels", "grids", plenoxels::knows, plenoxels::open_tensors),
@@ -87,7 +87,7 @@ fn reader(file: &TensorFile) -> Option<&'static Reader> {
     READERS.iter().find(|reader| (reader.knows)(file))
 }
 
-/// Refuses an unpacked container: its levels are no model, and are shown once they are packed.
+/// Refuses an unpacked container: its levels are not a model, and must be packed first.
 fn refuse_unpacked(file: &TensorFile) -> Result<()> {
     match file.unpacked_metadata() {
         None => Ok(()),
@@ -95,12 +95,13 @@ fn refuse_unpacked(file: &TensorFile) -> Result<()> {
     }
 }
 
-/// The family that wrote a file, if its keys alone tell.
+/// The family that wrote a file, if its keys are unique to it.
 pub fn family(file: &TensorFile) -> Option<Family> {
     reader(&unwrapped(file)).map(|reader| reader.registered.family)
 }
 
-/// An error of a reader, by its cause: a value that is not read is no fault of its shape or type.
+/// An error of a reader, corrected for its cause: for an unread value, the shape or type is not at
+/// fault.
 fn by_cause(error: Error, file: &TensorFile) -> Error {
     let is_fault =
         matches!(error.kind(), ErrorKind::Malformed { .. } | ErrorKind::WrongKind { .. });
@@ -171,7 +172,7 @@ fn refuse_extent(source: &Source, options: &SourceOptions) -> Result<()> {
     }))
 }
 
-/// Refuses options of checkpoints that a family, told by its keys, has no use for.
+/// Refuses options of checkpoints that do not apply to the family.
 fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()> {
     if options.appearance != AppearanceChoice::Auto && family != Some(Family::Nerfacto) {
         let name = family.map_or("checkpoint without appearances", Family::name);
@@ -186,7 +187,7 @@ fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()>
         return Err(Error::usage(message));
     }
     let Some(family) = family.filter(|family| *family != Family::Dvgo) else { return Ok(()) };
-    // The others say themselves what they make of a network.
+    // The other families check network options themselves.
     let has_no_network = matches!(
         family,
         Family::Plenoxels
@@ -211,8 +212,8 @@ fn refuse_ignored(family: Option<Family>, options: &SourceOptions) -> Result<()>
     }
 }
 
-/// A model of any family as a bake takes it, and the nodes of its free-space mask; the mask's values
-/// are not read where that can be spared.
+/// A model of any family for a bake, and the nodes of its free-space mask, whose values are read
+/// only if needed.
 ///
 /// # Errors
 /// Those of [`open_tensors`].

@@ -1,4 +1,4 @@
-//! Everything that an input holds, without reading its grids.
+//! The contents of an input, without reading its grids.
 
 use std::path::Path;
 
@@ -127,7 +127,7 @@ pub fn inspect_tensors(
         assumptions: Vec::new(),
         values: list.values,
     };
-    // It is no model, and can be baked all the same.
+    // It is not a model, but can be baked.
     if file.unpacked_metadata().is_some() {
         return Ok(inspection);
     }

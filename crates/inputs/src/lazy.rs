@@ -1,13 +1,13 @@
-//! Things that are loaded when they are first asked for.
+//! Lazy loading.
 
 use std::sync::{Arc, OnceLock};
 
 use crate::base::error::Result;
 
-/// A thing that is loaded once, or once more where loading failed.
+/// A value that is loaded on first use, and again if loading failed.
 ///
-/// Loading may run in parallel, so nobody holds a lock meanwhile, and two threads that ask at the
-/// same time both load. [`crate::model::field::NodeValues::prepare`] asks before the loops begin.
+/// Loading may run in parallel, so no lock is held meanwhile, and two threads that ask at the same
+/// time both load. [`crate::model::field::NodeValues::prepare`] loads before the loops begin.
 #[derive(Debug)]
 pub struct Lazy<T> {
     loaded: OnceLock<Arc<T>>,
@@ -23,7 +23,7 @@ impl<T> Lazy<T> {
     /// The thing.
     ///
     /// # Errors
-    /// Those of loading.
+    /// Errors of loading.
     pub fn get(&self, load: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         if let Some(thing) = self.loaded.get() {
             return Ok(Arc::clone(thing));

@@ -1,5 +1,5 @@
-//! The folder of a run of nerfstudio: `config.yml`, which is read as text, and checkpoints in
-//! `nerfstudio_models`, which lack some of its settings.
+//! The folder of a nerfstudio run: `config.yml`, which is read as text, and checkpoints in
+//! `nerfstudio_models`, which lack some of the settings.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -15,13 +15,13 @@ use crate::source::{Assumption, SideFile};
 
 /// The file of settings.
 const NAME: &str = "config.yml";
-/// Checkpoints stand in it.
+/// The folder of checkpoints.
 const CHECKPOINTS: &str = "nerfstudio_models";
-/// Settings of the model stand under it.
+/// The key above the model's settings.
 const MODEL: &str = "pipeline.model.";
 
-/// The checkpoint of the last step in the folder of a run; none for another folder. Of a run without
-/// checkpoints a path that no file has, for the error to name.
+/// The checkpoint of the last step in the folder of a run; none for other folders. For a run
+/// without checkpoints, a path that does not exist, for the error message.
 pub fn newest_checkpoint(run: &Path) -> Option<PathBuf> {
     let folder = run.join(CHECKPOINTS);
     if !run.join(NAME).is_file() || !folder.is_dir() {
@@ -48,7 +48,7 @@ fn path_of(checkpoint: &Path) -> Option<PathBuf> {
     [run.join(NAME), folder.join(NAME)].into_iter().find(|path| path.is_file())
 }
 
-/// The settings of a model, while they are taken from the text.
+/// Reads the settings of a model from the text.
 #[derive(Debug, Default)]
 pub(crate) struct RunSettings {
     plain: Plain,
@@ -71,7 +71,7 @@ impl RunSettings {
         })
     }
 
-    /// Settings of a text that stands in a file.
+    /// Settings from the text of a file.
     #[cfg(test)]
     pub(crate) fn of_text(text: &str) -> Self {
         let file = SideFile { role: "config", path: PathBuf::from(NAME), digest: [0; 32] };
@@ -83,7 +83,7 @@ impl RunSettings {
         self.file.is_some()
     }
 
-    /// Names the file in an error about what stands in it.
+    /// Names the file in an error about its content.
     pub(crate) fn blame(&self, error: Error) -> Error {
         match &self.file {
             Some(file) => error.in_file(&file.path),
@@ -111,8 +111,8 @@ impl RunSettings {
         (self.file, assumption)
     }
 
-    /// Refuses methods that draw their pictures by rules of their own; `class` ends the name of the
-    /// model's.
+    /// Refuses methods with their own rendering rules; the name of the model's class ends with
+    /// `class`.
     pub(crate) fn refuse_others(&self, class: &str, method: &str) -> Result<()> {
         let target = self.plain.text(&format!("{MODEL}_target")).unwrap_or_default();
         let found = target.split_whitespace().next().unwrap_or_default();
@@ -129,7 +129,7 @@ impl RunSettings {
         ))
     }
 
-    /// A setting of the model, or what is assumed instead.
+    /// A setting of the model, or its assumed value.
     pub(crate) fn get<T: FromStr + Display>(
         &mut self,
         key: &str,
@@ -172,7 +172,7 @@ impl RunSettings {
     }
 }
 
-/// Where a setting of the model stands.
+/// The path of a setting of the model.
 pub(crate) fn place(key: &str) -> Place {
     Place::Key(format!("{MODEL}{key}"))
 }

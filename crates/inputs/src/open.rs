@@ -31,8 +31,8 @@ pub fn open(path: impl AsRef<Path>) -> Result<Source> {
     open_with(path.as_ref(), &SourceOptions::default(), &Limits::default())
 }
 
-/// The file that is read for an input: of a folder of assets the one that describes it, of the folder
-/// of a nerfstudio run its newest checkpoint.
+/// The file to read for an input: for a folder of assets, the file that describes it; for the
+/// folder of a nerfstudio run, its newest checkpoint.
 pub fn file_of(path: &Path) -> PathBuf {
     let described = path.join(layout::PARAMETERS);
     if described.is_file() {

@@ -1,4 +1,4 @@
-//! The choices that a user has about an input.
+//! User options for an input.
 
 use std::path::PathBuf;
 
@@ -36,11 +36,11 @@ pub struct SourceOptions {
     /// Keeps only the inner box of an unbounded scene. Default: everything that the model shows
     pub drop_background: bool,
     /// Nodes along the longest axis of a model that has none, or along an edge of an unbounded
-    /// scene's first box. Default: 256, or as many as the model has there. Of PeRFception's Plenoxels
-    /// the cells along each axis. Default: the least power of 2 that holds them
+    /// scene's first box. Default: 256, or as many as the model has there. Of PeRFception's
+    /// Plenoxels the cells along each axis. Default: the least power of 2 that holds them
     pub resolution: Option<usize>,
-    /// How far the outermost box of an unbounded scene reaches, in half sides of the inner one, 1 to
-    /// 1e6. Default: all that the model shows
+    /// How far the outermost box of an unbounded scene reaches, in half sides of the inner one, 1
+    /// to 1e6. Default: all that the model shows
     pub extent: Option<f32>,
     /// The appearance that nerfacto's colours are taken with. Default: as nerfstudio's own pictures
     pub appearance: AppearanceChoice,

@@ -1,19 +1,19 @@
-//! Models that are known and not read, told by the names in their files.
+//! Models that are recognized but not supported, by the names in their files.
 //!
-//! Their files are sound, so it is no help to call them damaged.
+//! Their files are valid, so errors must not call them damaged.
 
 use super::checkpoint::STATE;
 use super::tensor::{TensorFile, Value};
 use crate::base::error::{Error, Place, Result};
 
-/// Names that a file is looked through for, at most.
+/// Maximum names that are collected from a file.
 const MOST_NAMES: usize = 1 << 16;
-/// Dictionaries inside of each other, at most.
+/// Maximum depth of nested dictionaries.
 const DEPTH: usize = 4;
 
 /// A model that is known by the names of its weights.
 struct OtherModel {
-    /// Parts of names, all of which occur.
+    /// Parts of names that must all occur.
     parts: &'static [&'static str],
     name: &'static str,
     advice: Advice,
@@ -48,7 +48,7 @@ impl Advice {
     }
 }
 
-/// The first that fits counts.
+/// The first match counts.
 const MODELS: [OtherModel; 22] = [
     OtherModel {
         parts: &["_model.gauss_params."],
@@ -138,8 +138,7 @@ const MODELS: [OtherModel; 22] = [
     },
 ];
 
-/// Refuses a file without a density that is known to be another model's, and one whose weights are
-/// closed.
+/// Refuses a file without density that belongs to a known other model, and one with unread weights.
 ///
 /// # Errors
 /// `Unsupported`, with the model's name.
@@ -191,7 +190,7 @@ fn gather(value: &Value, path: String, depth: usize, names: &mut Vec<String>) {
     }
 }
 
-/// What a snapshot of Instant-NGP holds that is no radiance field.
+/// The kind of an Instant-NGP snapshot that is not a radiance field.
 fn other_snapshot(file: &TensorFile) -> Option<String> {
     file.root.at(&["snapshot", "params_binary"])?;
     Some(match file.root.at(&["snapshot", "mode"]) {
@@ -200,8 +199,8 @@ fn other_snapshot(file: &TensorFile) -> Option<String> {
     })
 }
 
-/// True for what the first code of Gaussian splats saves: a tuple of the optimizer's step and of
-/// arrays for places, colours, scales and rotations.
+/// True for files of the original Gaussian splatting code: a tuple of the optimizer's step and
+/// arrays of positions, colours, scales and rotations.
 fn is_capture(root: &Value) -> bool {
     let Value::List(outer) = root else { return false };
     let Some(Value::List(parts)) = outer.first() else { return false };

@@ -1,8 +1,9 @@
 //! The plain values of a YAML text.
 //!
-//! Trainings write their configurations as YAML, nerfstudio with tags that name Python's classes.
-//! Nothing is built here: lines are taken for keys and values by their indentation, and tags, anchors and
-//! references stay text. Lists and dictionaries in brackets may hold plain values.
+//! Training programs write their configuration as YAML; nerfstudio adds tags that name Python
+//! classes. No objects are built here: lines are split into keys and values by indentation, and
+//! tags, anchors and references stay text. Lists and dictionaries in brackets may hold plain
+//! values.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Plain(BTreeMap<String, String>);
 
-/// A key or an item that the next lines may belong to.
+/// An open key or item, to which the next lines may belong.
 struct Level {
     indent: usize,
     name: String,
@@ -55,7 +56,7 @@ impl Plain {
     fn item(&self, levels: &mut Vec<Level>, indent: usize) {
         let mut number = 0;
         while let Some(last) = levels.last() {
-            // Items stand as far in as the key of their list, or farther.
+            // Items are indented at least as far as the key of their list.
             let is_list = last.indent == indent && last.item.is_none();
             if last.indent < indent || is_list {
                 break;

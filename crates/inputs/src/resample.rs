@@ -1,10 +1,10 @@
-//! Samples of a ray where an earlier round found density, by nerfstudio's rules.
+//! Resamples a ray where an earlier round found density, by nerfstudio's rules.
 
 /// Added to the weight of each interval.
 const PADDING: f64 = 0.01;
 
-/// The ends of `count` intervals that share the padded weights of others evenly, in the measure of
-/// their ends: the middles of `count + 1` equal parts of the sum of weights.
+/// The ends of `count` intervals with equal shares of the padded weights of the given intervals:
+/// the middles of `count + 1` equal parts of the sum of weights.
 pub fn resampled(ends: &[f64], weights: &[f64], count: usize) -> Vec<f64> {
     let mut sum = 0.0;
     let mut shares = vec![0.0];

@@ -13,7 +13,7 @@ use crate::base::progress::Progress;
 use crate::model::camera::Ray;
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
-/// The source in the scene's world. Distances that the user gave are the scene's already.
+/// The source in the scene's world. Distances from the user are already in scene units.
 ///
 /// # Errors
 /// `InvalidOption` for a scale of the user's that leaves no box, `Malformed` for one of the file's.

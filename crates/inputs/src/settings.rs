@@ -1,4 +1,4 @@
-//! Settings of a scene that stand beside its input.
+//! Settings of a scene from files beside its input.
 //!
 //! Training codes keep step length, near, far and background in a configuration, not in the
 //! checkpoint. Two files may hold them for this program: `scene.toml` or `scene.json` beside the
@@ -21,7 +21,7 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::base::text;
 
-/// Names of files beside an input. The first one that is there counts.
+/// Names of files beside an input. The first existing one counts.
 const NAMES: [&str; 2] = ["scene.toml", "scene.json"];
 
 /// The settings of one file.
@@ -112,7 +112,7 @@ fn parse_toml(bytes: &[u8]) -> Result<Value> {
     let text = str::from_utf8(bytes).map_err(|error| malformed(error.to_string()))?;
     let document: toml::Table =
         toml::from_str(text).map_err(|error| malformed(error.message().to_owned()))?;
-    // JSON has no such numbers: they would be taken for settings that are left out.
+    // JSON has no such numbers; they would count as missing settings.
     if let Some(key) = not_finite(&document) {
         let place = Place::Key(key.to_owned());
         return Err(Error::malformed(place, "a number that is not finite", "a finite number"));

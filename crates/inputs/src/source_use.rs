@@ -1,4 +1,4 @@
-//! A source as bakes and pictures take it.
+//! A source, for bakes and pictures.
 
 use mipvog::bake::{BakeInput, Origin};
 use serde_json::json;
@@ -17,7 +17,7 @@ impl<'a> From<&'a Source> for BakeInput<'a> {
 }
 
 impl Source {
-    /// The origin of what is baked of it.
+    /// The origin for a bake of it.
     pub fn origin(&self) -> Origin {
         let assumptions = self.assumptions.iter();
         Origin {
@@ -32,8 +32,8 @@ impl Source {
         }
     }
 
-    /// Shows it as its own program does, with coarser levels if `levels` says so. All of its values
-    /// are read.
+    /// Renders it by the rules of its own program, with coarser levels if `levels` has a filter.
+    /// All of its values are read.
     ///
     /// # Errors
     ///
@@ -53,7 +53,7 @@ impl Source {
     }
 }
 
-/// Roles and digests; files of one role are one digest of theirs, in their order.
+/// Roles and digests; files of the same role share one digest, in order.
 fn side_files(files: &[SideFile]) -> Vec<(&'static str, [u8; 32])> {
     let mut roles: Vec<&'static str> = Vec::new();
     let mut new = |file: &SideFile| {

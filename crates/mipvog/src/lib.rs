@@ -9,8 +9,8 @@
 //! # Bake, read, sample, render
 //!
 //! A field comes from arrays ([`RadianceField::builder`]), or from a checkpoint by the crate
-//! `mipvog-inputs`. A [`Baker`] writes it to a vector, a writer or a file. A [`Container`] is read back by a
-//! [`Renderer`], which gives values at points of the world and pictures.
+//! `mipvog-inputs`. A [`Baker`] writes it to a vector, a writer or a file. A [`Container`] is read
+//! back by a [`Renderer`], which gives values at points of the world and pictures.
 //!
 //! ```
 //! use mipvog::{BakeOptions, Baker, Camera, Container, Limits, RadianceField, Renderer};
@@ -52,8 +52,8 @@
 //!
 //! # Stability
 //!
-//! The names on this page are the interface. Modules are hidden: they are for the other crates of
-//! the workspace, and any release may change them.
+//! The names on this page are the interface. Modules are hidden: they serve the other crates of the
+//! workspace, and may change in any release.
 
 #[doc(hidden)]
 pub mod bake;

@@ -1,4 +1,4 @@
-//! The files of an export: they get their names together, or not at all.
+//! The files of an export, which get their names together or not at all.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -60,7 +60,7 @@ impl ExportFiles {
         self.create(path)?.append(bytes)
     }
 
-    /// The bytes that were written, to be read back.
+    /// The written bytes, for reading back.
     pub fn written(&self) -> WrittenFiles {
         let written =
             |(path, output): &(PathBuf, Output)| (path.clone(), output.written().to_owned());
@@ -107,14 +107,13 @@ impl WrittenFiles {
         SourceFile::open(place).map(Arc::new)
     }
 
-    /// Where the bytes of a file are that has, or will have, this name in its folder.
+    /// The bytes of the file that has, or will have, this name in its folder.
     pub fn named(&self, name: &str) -> Option<&Path> {
         let found = self.files.iter().find(|(path, _)| path.file_name().is_some_and(|n| n == name));
         found.map(|(_, place)| place.as_path())
     }
 
-    /// A folder of links to the files, under the names that they will have in theirs. It goes when
-    /// it is dropped.
+    /// A folder of links to the files, under their future names. It is removed on drop.
     ///
     /// # Errors
     ///

@@ -1,5 +1,4 @@
-//! What every format of `export` has in common: the trait that it implements, the field that it is
-//! made of, the options.
+//! The common interface of all formats of `export`: the trait, the field and the options.
 
 use std::path::{Path, PathBuf};
 
@@ -18,17 +17,17 @@ use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// A format that `export` writes.
 ///
-/// A format says which files an export to a path has, writes them, reads them back by rules of its
-/// own, and tells in words what it cannot hold.
+/// A format names the files of an export to a path, writes them, reads them back by its own rules,
+/// and describes what it cannot represent.
 pub trait ExportFormat: Sync {
-    /// The word behind `--to`.
+    /// The value of `--to`.
     fn name(&self) -> &'static str;
 
     /// Options of the command line, beside those of all formats, that it takes: names with
     /// underscores.
     fn options(&self) -> &'static [&'static str];
 
-    /// True if it shows a container as it is, so that the source must have one.
+    /// True if it embeds a container, so that the source must have one.
     fn takes_container(&self) -> bool {
         false
     }
@@ -38,13 +37,13 @@ pub trait ExportFormat: Sync {
         self.takes_container()
     }
 
-    /// Pixels along a side of the pictures that its loss is measured in, where no camera is given. A
-    /// tenth of the pixels of 400 x 400 tells the loss to 0.1 dB.
+    /// Pixels along a side of the pictures for measuring its loss, if no camera is given. A tenth
+    /// of the pixels of 400 x 400 gives the loss to 0.1 dB.
     fn side(&self) -> usize {
         128
     }
 
-    /// Refuses an output's name, and what the format cannot hold, before any work.
+    /// Refuses invalid output names and unsupported content, before any work.
     ///
     /// # Errors
     ///
@@ -55,7 +54,7 @@ pub trait ExportFormat: Sync {
     ///
     /// # Errors
     ///
-    /// Those of writing and of sizes, and a request to stop.
+    /// Errors of writing and of sizes, and a request to stop.
     fn write(
         &self,
         source: &ExportSource,
@@ -64,12 +63,12 @@ pub trait ExportFormat: Sync {
         progress: &dyn Progress,
     ) -> Result<Exported>;
 
-    /// Reads the written bytes back, as programs that take the format show them. Background, near
-    /// and far are the source's.
+    /// Reads the written bytes back, with the rendering rules of the format's programs. Background,
+    /// near and far are the source's.
     ///
     /// # Errors
     ///
-    /// Those of reading.
+    /// Errors of reading.
     fn read_back(
         &self,
         source: &ExportSource,
@@ -78,14 +77,14 @@ pub trait ExportFormat: Sync {
     ) -> Result<Box<dyn Shown>>;
 }
 
-/// An export that was read back, as programs of its format show it.
+/// An export after reading back, with the rendering rules of its format's programs.
 pub trait Shown {
-    /// The colours of a camera's picture over the background, row by row, one ray a pixel.
+    /// The colours of a camera's picture over the background, row by row, one ray per pixel.
     /// [`Step::Render`] advances by tiles.
     ///
     /// # Errors
     ///
-    /// Those of rendering, and a request to stop.
+    /// Errors of rendering, and a request to stop.
     fn picture(&self, camera: &Camera, progress: &dyn Progress) -> Result<Vec<[f32; 3]>>;
 }
 
@@ -96,19 +95,19 @@ impl Shown for Renderer {
     }
 }
 
-/// The field that an export is made of.
+/// The source field of an export.
 #[derive(Debug)]
 pub struct ExportSource {
     /// The field.
     pub field: Renderer,
     /// Name of its file, without folders.
     pub name: String,
-    /// SHA-256 of the input, in hexadecimal digits: of a file its bytes, of a folder the digest
-    /// that stands for it.
+    /// SHA-256 of the input, in hexadecimal digits: of the bytes of a file, or the digest of a
+    /// folder.
     pub sha256: String,
     /// Path of the input.
     pub path: PathBuf,
-    /// The metadata of the container, if it has nested boxes and the field shows all of them.
+    /// The metadata of the container, if it has nested boxes and the field has all of them.
     pub world: Option<Metadata>,
     /// The bytes of a container of the field, for formats that take one.
     pub container: Option<Vec<u8>>,
@@ -139,7 +138,7 @@ pub struct ExportOptions {
     pub splats: Option<usize>,
     /// Triangles of a mesh, at most. Default: 100,000
     pub triangles: Option<usize>,
-    /// Cameras that an export may be fitted to. Default: none, so the format makes its own
+    /// Cameras for fitting the export. Default: none, so the format makes its own
     pub cameras: Vec<Camera>,
     /// Bounds on sizes and memory.
     pub limits: Limits,
@@ -170,14 +169,14 @@ impl Default for ExportOptions {
 pub enum UpAxis {
     /// As in training.
     Z,
-    /// Positions turn from `(x, y, z)` to `(x, z, -y)`.
+    /// Positions are mapped from `(x, y, z)` to `(x, z, -y)`.
     Y,
 }
 
-/// What a format has written.
+/// The result of a format.
 #[derive(Debug, Default)]
 pub struct Exported {
-    /// Things that the source has and the files have not, in words.
+    /// Descriptions of content that the source has and the files lack.
     pub lost: Vec<String>,
     /// Figures of the format's own, for reports.
     pub details: Map<String, Value>,

@@ -1,7 +1,7 @@
 //! Formats that other programs read, a file or a folder each.
 //!
-//! [`mod@format`] is the trait of a format of `export`. [`volume`] is a field's
-//! level as the formats of volumes have it.
+//! [`mod@format`] is the trait of a format of `export`. [`volume`] is a field's level for volume
+//! formats.
 
 use mipvog::{base, container, levels, model, picture, unpacked, view};
 

@@ -16,12 +16,12 @@ pub struct ExportErrors {
     pub pooled_psnr: f64,
 }
 
-/// The distance of an export from its source, one ray a pixel. The source's samples all read
+/// The distance of an export from its source, one ray per pixel. All samples of the source read
 /// `level`. [`Step::Render`] advances by tiles.
 ///
 /// # Errors
 ///
-/// Those of rendering, and a request to stop.
+/// Errors of rendering, and a request to stop.
 pub fn export_errors(
     source: &Renderer,
     exported: &dyn Shown,

@@ -1,7 +1,7 @@
 //! USD: a text that places an OpenVDB file beside it in a scene.
 //!
 //! A `Volume` has a field for each grid, `density` and `Cd`, and names the file by its relative
-//! path. Programs draw it as their volume material says.
+//! path. Programs render it with their volume material.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -3,11 +3,11 @@
 /// A kind of film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FilmFormat {
-    /// 256 colours a frame, one bit of alpha.
+    /// 256 colours per frame, one bit of alpha.
     Gif,
     /// All colours, lossless, with alpha.
     Webp,
-    /// By ffmpeg, with the codec that it takes for the name: mp4, webm or mov.
+    /// By ffmpeg, with its codec for the extension: mp4, webm or mov.
     Video(&'static str),
 }
 
@@ -33,7 +33,7 @@ impl FilmFormat {
         }
     }
 
-    /// Frames a second, at most: viewers play a faster GIF slower.
+    /// Maximum frames per second, because viewers slow down faster GIFs.
     pub fn fastest(self) -> u8 {
         if self == Self::Gif { 50 } else { 120 }
     }
@@ -53,13 +53,13 @@ pub struct FilmOptions {
     pub size: [usize; 2],
     /// Frames a second.
     pub rate: u8,
-    /// True if frames have four values a pixel, the last being alpha, and not three.
+    /// True if frames have four values per pixel, with alpha last, instead of three.
     pub alpha: bool,
 }
 
 impl FilmOptions {
-    /// The time of frame `number`, in parts of a second of which there are `units`. Ends of frames
-    /// are rounded, and not their lengths: so no film runs fast or slow.
+    /// The time of frame `number`, in units of 1 / `units` seconds. The ends of frames are rounded,
+    /// not their lengths, so that films keep their speed.
     pub fn delay(&self, number: usize, units: f64) -> u32 {
         let end = |number: usize| (units * number as f64 / f64::from(self.rate)).round();
         (end(number + 1) - end(number)) as u32

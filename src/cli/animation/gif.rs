@@ -9,10 +9,10 @@ use super::format::FilmOptions;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 
-/// The choice of a frame's 256 colours looks at one of so many pixels: 1 is all, 30 the fewest.
+/// The choice of a frame's 256 colours samples one of this many pixels: 1 is all, 30 the fewest.
 const SPEED: i32 = 10;
 
-/// A GIF that repeats for ever.
+/// A GIF that repeats forever.
 pub struct GifFilm {
     encoder: Encoder<Appended>,
     path: PathBuf,
@@ -47,7 +47,7 @@ impl GifFilm {
     pub fn add(&mut self, values: &[u8]) -> Result<()> {
         let [width, height] = self.options.size.map(|side| side as u16);
         let mut frame = match self.options.alpha {
-            // A pixel is there or not.
+            // Alpha is a single bit.
             true => {
                 let mut values = values.to_vec();
                 for pixel in values.as_chunks_mut::<4>().0 {
@@ -55,7 +55,7 @@ impl GifFilm {
                         if pixel[3] < 128 { [0; 4] } else { [pixel[0], pixel[1], pixel[2], 255] };
                 }
                 let frame = Frame::from_rgba_speed(width, height, &mut values, SPEED);
-                // Without this a moving thing leaves its former places behind.
+                // Without this, moving objects leave traces.
                 Frame { dispose: gif::DisposalMethod::Background, ..frame }
             }
             false => Frame::from_rgb_speed(width, height, values, SPEED),

@@ -1,6 +1,6 @@
-//! Films of rendered frames: GIF and WebP without other programs, video by way of ffmpeg.
+//! Films of rendered frames: GIF and WebP without other programs, video via ffmpeg.
 //!
-//! Frames come one after another and are not kept. A film gets its name when it is whole.
+//! Frames are streamed, not kept. A film gets its name when it is complete.
 
 mod format;
 mod gif;

@@ -1,4 +1,4 @@
-//! Videos, coded by the program ffmpeg where it is installed.
+//! Videos, encoded by ffmpeg if it is installed.
 
 use std::borrow::Cow;
 use std::ffi::OsString;
@@ -25,7 +25,7 @@ pub struct VideoFilm {
 /// Bytes of a pixel.
 const PIXEL: usize = 3;
 
-/// A picture whose last column and last row are repeated where their number is odd.
+/// A picture with its last column and row repeated if their number is odd.
 fn even(values: &[u8], [width, height]: [usize; 2]) -> Cow<'_, [u8]> {
     if width.is_multiple_of(2) && height.is_multiple_of(2) {
         return Cow::Borrowed(values);
@@ -59,26 +59,27 @@ impl VideoFilm {
         kind: &'static str,
         options: FilmOptions,
     ) -> Result<Self> {
-        // Players want colours at half the size, so an even number of pixels along each side.
+        // Players expect colours at half the size, so both sides need an even number of pixels.
         let [width, height] = options.size.map(|side| side.next_multiple_of(2));
         let mut command = Command::new(PROGRAM);
         command.args(["-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo"]);
         command.args(["-pixel_format", "rgb24", "-video_size", &format!("{width}x{height}")]);
         command.args(["-framerate", &options.rate.to_string(), "-i", "pipe:0"]);
-        // Players take large pictures for BT.709 and small ones for BT.601, where a file does not say.
+        // Unless a file states it, players assume BT.709 for large pictures and BT.601 for small
+        // ones.
         command.args(["-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"]);
         command.args(["-colorspace", "bt709", "-color_primaries", "bt709"]);
         command.args(["-color_trc", "bt709", "-color_range", "tv"]);
         if kind != "webm" {
-            // The table of frames comes first, so that a page plays the file while it loads.
+            // The frame table comes first, so that a page plays the file while it loads.
             command.args(["-movflags", "+faststart"]);
         }
-        // Without the prefix a colon in a folder's name would name a protocol.
+        // Without the prefix, a colon in a folder's name would start a protocol.
         let mut written = OsString::from("file:");
         written.push(output.written());
         command.args(["-f", kind]).arg(written);
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
-        // Ctrl-C in a terminal goes to the program that the user started alone.
+        // Ctrl-C in a terminal should reach only this program.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let child = command.spawn().map_err(|error| missing(&error, path))?;
@@ -90,7 +91,7 @@ impl VideoFilm {
         let values = even(values, self.size);
         match input.map_or(Ok(()), |input| input.write_all(&values)) {
             Ok(()) => Ok(()),
-            // It ended early, and says why.
+            // It ended early, with a reason.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                 self.wait().and(Err(Error::io(error, &self.path)))
             }

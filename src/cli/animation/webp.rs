@@ -17,7 +17,7 @@ const WITH_ALPHA: u8 = 0x10;
 /// A frame replaces the one before it, and is not blended with it.
 const REPLACES: u8 = 0x02;
 
-/// A WebP that repeats for ever.
+/// A WebP that repeats forever.
 pub struct WebpFilm {
     output: Output,
     path: PathBuf,
@@ -32,7 +32,7 @@ impl WebpFilm {
         let flags = ANIMATED | if options.alpha { WITH_ALPHA } else { 0 };
         let canvas = [&[flags, 0, 0, 0][..], &size(options.size)].concat();
         append_chunk(&mut output, b"VP8X", &canvas)?;
-        // The colour behind all frames, and no end of repetitions.
+        // The background colour, and infinite repetitions.
         append_chunk(&mut output, b"ANIM", &[0; 6])?;
         Ok(Self { output, path: path.to_owned(), options, frames: 0 })
     }
@@ -67,7 +67,7 @@ impl WebpFilm {
     }
 }
 
-/// Width and height less one, as the format has them.
+/// Width and height minus one, as in the format.
 fn size(sides: [usize; 2]) -> [u8; 6] {
     let [[a, b, c], [d, e, f]] = sides.map(|side| three_bytes(side as u32 - 1));
     [a, b, c, d, e, f]

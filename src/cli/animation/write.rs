@@ -1,4 +1,4 @@
-//! A film that is being written.
+//! A film during writing.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::webp::WebpFilm;
 use crate::base::bytes::Output;
 use crate::base::error::Result;
 
-/// A film that is being written.
+/// A film during writing.
 pub enum Film {
     Gif(GifFilm),
     Webp(WebpFilm),

@@ -14,7 +14,7 @@ use crate::model::field::Nonfinite;
 use crate::unpacked::Unpacked;
 use mipvog_inputs::MlpChoice;
 
-/// Packs a container's levels again; bakes level 0 anew where an option asks for that.
+/// Repacks a container's levels; bakes level 0 anew if an option requires it.
 pub fn bake_again(
     arguments: &Arguments,
     unpacked: &Unpacked,
@@ -41,7 +41,7 @@ pub fn bake_again(
         color_threshold: arguments.scene.color_threshold,
         ..Changes::default()
     };
-    // A setting that the container has already is no change.
+    // A setting that the container already has is not a change.
     let anew = !arguments.merge.is_empty()
         || (asked(stored.has("filter")) && options.filter.name() != metadata.filter)
         || (asked(stored.has("alpha-threshold"))
@@ -94,7 +94,7 @@ pub fn bake_again(
     })
 }
 
-/// Refuses options that packing a container again, or baking its finest level `anew`, would ignore.
+/// Refuses options that repacking a container, or baking its finest level `anew`, would ignore.
 fn refuse_ignored(arguments: &Arguments, options: &BakeOptions, anew: bool) -> Result<()> {
     let (scene, stored) = (&arguments.scene, &arguments.stored);
     let ignored = [

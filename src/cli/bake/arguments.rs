@@ -64,8 +64,8 @@ pub struct Arguments {
     /// Overwrite the output if it exists
     #[arg(long)]
     pub force: bool,
-    /// Add the scene of this file, at its place in the world; may be given several times. The grid of
-    /// INPUT goes on as far as the other scenes reach
+    /// Add the scene of this file, at its place in the world; may be given several times. The grid
+    /// of INPUT goes on as far as the other scenes reach
     #[arg(long, value_name = "FILE")]
     pub merge: Vec<PathBuf>,
     /// Set of options; explicit options override it

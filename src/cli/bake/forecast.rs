@@ -35,9 +35,10 @@ pub fn dry_run(
         true => judging_bytes(&source, &forecast, &arguments.gate.cameras(&source.field, common)?),
         false => 0,
     };
-    // Where a part was measured, the larger of two estimates: too low a one would end a job.
+    // If a part was measured, the larger of two estimates, because too low an estimate would kill a
+    // job.
     let memory = own.map(|own| own.max(forecast.most_memory_bytes.unwrap_or(0)) + judging);
-    // Pictures are rendered from whole fields, which no bound allows.
+    // Pictures are rendered from whole fields, which a memory bound excludes.
     let least = forecast.least_memory_bytes.filter(|_| !measures);
     let json = BakeJson {
         input: arguments.input.to_string_lossy().into_owned(),
@@ -73,7 +74,7 @@ pub fn dry_run(
     Outcome::new("bake", &json, text)
 }
 
-/// Memory for a pixel of the two pictures that a gate compares; measured.
+/// Memory per pixel of the two pictures that a gate compares; measured.
 const PIXEL_BYTES: u64 = 240;
 
 /// Memory to judge a bake's pictures, beside the bake's: both fields as float32, with what their

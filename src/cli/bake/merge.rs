@@ -10,10 +10,10 @@ use crate::base::error::{Error, Place, Result};
 use crate::model::field::RadianceField;
 use mipvog_inputs::SideFile;
 
-/// A warning is due where voxels of another scene are smaller than this share of the first one's.
+/// Voxels of another scene that are smaller than this share of the first one's cause a warning.
 const FINER: f64 = 0.9;
 
-/// A field with the scenes of `--merge`, and the files that those came from.
+/// A field with the scenes of `--merge`, and their files.
 pub struct WithOthers {
     pub field: RadianceField,
     pub files: Vec<SideFile>,
@@ -27,7 +27,7 @@ pub struct WithOthers {
 ///
 /// # Errors
 ///
-/// Those of opening them, and scenes that do not fit each other, with the file of the first such.
+/// Errors of opening them, and incompatible scenes, with the file of the first such scene.
 pub fn with_others(
     field: &RadianceField,
     arguments: &Arguments,
@@ -64,7 +64,7 @@ pub fn with_others(
             }
         };
         fields.push(other);
-        // Each is tried by itself, so that an error names its file.
+        // Each scene is tried separately, so that an error names its file.
         let tried = [&fields[..1], &fields[fields.len() - 1..]].concat();
         RadianceField::merge(&tried, &options.limits).map_err(|error| error.in_file(path))?;
         warn_of_finer(&fields, path, common);

@@ -32,7 +32,7 @@ fn options_text(options: &Value) -> String {
         }
         other => other.to_string(),
     };
-    // Values that no option sets are what others stand for.
+    // Values without an option follow from other options.
     let is_option = |name: &str| BakeOption::find(name).is_some();
     let members = options.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
     let pairs = members.map(|(name, value)| (name.replace('_', "-"), shown(value)));
@@ -88,7 +88,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     }
     drop(bar);
     if let Content::Stored(_) = &input.content {
-        // Packing again costs little, so the bytes themselves tell whether anything has changed.
+        // Repacking is cheap, so the bytes themselves show whether anything has changed.
         let (incremental, written) = (&arguments.incremental, output.written());
         baked.report.unchanged = incremental.is_same(written, &arguments.output)?;
     }
@@ -124,7 +124,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     baked.outcome("bake", &work, gltf.as_ref(), common)
 }
 
-/// Warns of what a container lacks.
+/// Warns of missing content of a container.
 fn warn_of_content(report: &BakeReport, common: &Common) {
     if let Some(fitted) = &report.fitted {
         warn_of_idle_levels(fitted, common);

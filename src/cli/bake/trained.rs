@@ -37,8 +37,8 @@ use mipvog_inputs::tensor::TensorFile;
 const LOOKS: usize = 4;
 const LOOK_SIDE: usize = 160;
 
-/// Bytes of a container's values from which on pictures that nobody asked for are not made: a bake
-/// itself takes less.
+/// Size of a container's values above which unrequested pictures are skipped: the bake itself takes
+/// less memory.
 const MOST_BYTES: u64 = 3 << 29;
 
 /// Cameras around a model, or inside its world.
@@ -49,7 +49,7 @@ fn looks(source: &Source, limits: &Limits, bar: &Bar) -> Result<Vec<Camera>> {
     panorama(&source.renderer(None, limits)?, LOOKS, [LOOK_SIDE; 2], bar)
 }
 
-/// Bakes a trained scene into `output`, and measures it where a gate asks for that.
+/// Bakes a trained scene into `output`, and measures it if a gate requires that.
 pub fn bake_trained(
     arguments: &Arguments,
     file: &TensorFile,
@@ -68,7 +68,7 @@ pub fn bake_trained(
     let origin = source.origin();
     let cameras = match arguments.gate.measures()? {
         true => Some(arguments.fit.judges(arguments.gate.cameras(&source.field, common)?)),
-        // The loss of resampling is always told; a bound on memory excludes pictures.
+        // The loss of resampling is always reported; a memory bound excludes pictures.
         false if source.is_resampled() && options.memory.is_none() => {
             Some(looks(&source, limits, bar)?)
         }
@@ -148,7 +148,7 @@ pub fn bake_trained(
     })
 }
 
-/// Opens a trained input with the settings that are found, and warns of those that are not.
+/// Opens a trained input with the settings that are found, and warns of missing ones.
 pub fn open(
     arguments: &Arguments,
     file: &TensorFile,
@@ -163,7 +163,7 @@ pub fn open(
         warn(&assumed(&assumption.message), common);
     }
     if let Some(merged) = with_others(&source.field, arguments, options, common)? {
-        // The rules of the first model's own program are not those of the others.
+        // The rules of the first model's own program do not apply to the others.
         (source.field, source.model) = (merged.field, None);
         source.has_checksums &= merged.have_checksums;
         source.side_files.extend(merged.files);

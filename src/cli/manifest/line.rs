@@ -25,7 +25,7 @@ impl SceneLine {
     /// Of paths on the command line.
     ///
     /// # Errors
-    /// `Usage` for a path that is no UTF-8: results are JSON.
+    /// `Usage` for paths other than UTF-8, because results are JSON.
     pub fn of(input: &Path, output: &Path) -> Result<Self> {
         let text = |path: &Path| {
             let text = path.to_str().map(str::to_owned);
@@ -34,8 +34,8 @@ impl SceneLine {
         Ok(Self { input: text(input)?, output: text(output)?, options: Map::new() })
     }
 
-    /// Of the text of line `number`, counted from 1. Options are held to the names that `known` has,
-    /// not to their values' rules: those are the parser's of the command line.
+    /// Of the text of line `number`, counted from 1. Options are checked against the names in
+    /// `known`; the parser of the command line checks their values.
     ///
     /// # Errors
     /// [`Malformed`](crate::base::error::ErrorKind::Malformed) with the line.
@@ -92,7 +92,7 @@ impl SceneLine {
     }
 }
 
-/// A JSON value none of whose objects has a key twice: the parser would keep the last one.
+/// A JSON value without duplicate keys, of which the parser would keep the last.
 struct UniqueKeys(Value);
 
 impl<'de> Deserialize<'de> for UniqueKeys {

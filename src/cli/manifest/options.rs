@@ -5,9 +5,9 @@ use serde_json::Value;
 
 use super::super::output::OUTPUTS;
 
-/// Options that choose scenes, and no scene's own.
+/// Options that select scenes, and cannot be set per scene.
 pub const OF_ALL: [&str; 6] = ["output", "manifest", "index", "index-from-env", "shard", "results"];
-/// An option that the command line gives for all scenes at once: a line cannot.
+/// An option for all scenes at once, which a line cannot set.
 const FORECAST: &str = "dry-run";
 
 /// An option of `bake`.
@@ -35,7 +35,7 @@ impl OptionKind {
         })
     }
 
-    /// True if a manifest's name means it.
+    /// True if a manifest's name matches it.
     pub fn is_named(&self, name: &str) -> bool {
         self.name == name.replace('_', "-")
     }
@@ -47,7 +47,7 @@ pub fn of_scenes(known: &[OptionKind]) -> impl Iterator<Item = &OptionKind> {
     known.iter().filter(move |option| !others.contains(&option.name.as_str()))
 }
 
-/// True if words can be made of an option's value.
+/// True if an option's value can be converted to words.
 pub fn is_value(value: &Value) -> bool {
     match value {
         Value::Array(values) => {

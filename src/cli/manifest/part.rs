@@ -4,8 +4,8 @@ use super::arguments::ManifestArguments;
 use crate::base::error::{Error, Result};
 use crate::base::shard::Shard;
 
-/// Variables in which schedulers put the number of a task of an array, and the number of the first
-/// task. Slurm, PBS and Kubernetes count as the user asks, whose first scene is 0.
+/// Environment variables of schedulers for the number of a task of an array, and the number of the
+/// first task. Slurm, PBS and Kubernetes count as the user asks; the first scene is 0.
 const VARIABLES: [(&str, &str, u64); 7] = [
     ("Slurm", "SLURM_ARRAY_TASK_ID", 0),
     ("AWS Batch", "AWS_BATCH_JOB_ARRAY_INDEX", 0),
@@ -15,7 +15,7 @@ const VARIABLES: [(&str, &str, u64); 7] = [
     ("Cloud Run", "CLOUD_RUN_TASK_INDEX", 0),
     ("Kubernetes", "JOB_COMPLETION_INDEX", 0),
 ];
-/// The text of SGE in a job that is no array.
+/// SGE's value in a job that is not an array.
 const UNDEFINED: &str = "undefined";
 
 /// Scenes of a manifest, by their numbers from 0.
@@ -25,15 +25,15 @@ pub enum Part {
     All,
     /// One.
     Scene(u64),
-    /// Every so many-th.
+    /// Every Nth.
     Shard(Shard),
 }
 
 impl Part {
-    /// Of the command line, or of the environment.
+    /// From the command line or the environment.
     ///
     /// # Errors
-    /// `Usage` where the environment has no number of a task.
+    /// `Usage` if the environment has no task number.
     pub fn of(arguments: &ManifestArguments) -> Result<Self> {
         match (arguments.index, arguments.index_from_env, arguments.shard) {
             (Some(number), ..) => Ok(Self::Scene(number)),

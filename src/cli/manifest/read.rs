@@ -17,7 +17,7 @@ use crate::base::text::without_mark;
 /// Bytes of a line, at most.
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// A file of lines. Empty lines are passed over.
+/// A file of lines. Empty lines are skipped.
 #[derive(Debug)]
 pub struct Lines {
     path: PathBuf,
@@ -29,7 +29,7 @@ impl Lines {
     /// Opens a file.
     ///
     /// # Errors
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::io(error, path))?;
         Ok(Self { path: path.to_owned(), reader: BufReader::new(file), number: 0 })
@@ -38,7 +38,7 @@ impl Lines {
     /// The next line and its number, counted from 1.
     ///
     /// # Errors
-    /// Those of the operating system; `Malformed` for a line that is no UTF-8 or beyond
+    /// Errors of the operating system; `Malformed` for a line that is not UTF-8 or longer than
     /// [`LONGEST_LINE`].
     pub fn next_line(&mut self) -> Result<Option<(u64, String)>> {
         loop {
@@ -65,7 +65,7 @@ impl Lines {
     }
 }
 
-/// A manifest whose lines were all held to their form.
+/// A manifest with checked lines.
 #[derive(Debug)]
 pub struct Manifest<'a> {
     lines: Lines,
@@ -74,10 +74,10 @@ pub struct Manifest<'a> {
     pub scenes: u64,
 }
 
-/// Refuses the words of a scene's command line whose values no bake takes.
+/// Refuses invalid values in a scene's command line.
 pub type CheckScene<'a> = &'a dyn Fn(Vec<OsString>) -> Result<()>;
 
-/// The one name of a file that is there or will be, ignoring links.
+/// The canonical name of an existing or future file, with links resolved.
 fn place(base: &Path, path: &Path) -> Result<PathBuf> {
     let joined = base.join(path);
     let absolute = std::path::absolute(&joined).map_err(|error| Error::io(error, &joined))?;
@@ -94,14 +94,14 @@ fn place(base: &Path, path: &Path) -> Result<PathBuf> {
 /// The files that lines read and write. None is written twice, or read and written.
 #[derive(Debug, Default)]
 struct Files {
-    /// Written ones, and by what.
+    /// Written files, and their writers.
     written: HashMap<PathBuf, String>,
-    /// Read ones, and by which line.
+    /// Read files, and their lines.
     read: HashMap<PathBuf, u64>,
 }
 
 impl Files {
-    /// What speaks against a file that `by` writes.
+    /// The conflict of a file that `by` writes, if any.
     fn write(&mut self, place: PathBuf, by: String) -> Option<String> {
         if let Some(line) = self.read.get(&place) {
             return Some(format!("which line {line} reads"));
@@ -109,7 +109,7 @@ impl Files {
         self.written.insert(place, by).map(|former| format!("which {former} writes too"))
     }
 
-    /// What speaks against a file that a line reads.
+    /// The conflict of a file that a line reads, if any.
     fn read(&mut self, place: PathBuf, line: u64) -> Option<String> {
         let writer = self.written.get(&place).map(|by| format!("which {by} writes"));
         self.read.insert(place, line);
@@ -117,20 +117,21 @@ impl Files {
     }
 }
 
-/// True if a path leads nowhere but into the folder that it is joined to.
+/// True if a path stays within the folder that it is joined to.
 fn is_below(path: &Path) -> bool {
     let mut parts = path.components();
     parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
 }
 
 impl<'a> Manifest<'a> {
-    /// Reads every line once. Where `words` has a folder of outputs, no line leads out of it.
+    /// Reads every line once. If `words` has a folder of outputs, all outputs must stay within it.
     /// `results` is the file of results, if there is one.
     ///
     /// # Errors
-    /// Those of the operating system; `Malformed` with the line that breaks the form, or that writes a
-    /// file that another line or the results have or one outside the folder, and for a file without lines; `Usage` for an
-    /// output that is an address, and for options that `check` refuses.
+    /// Errors of the operating system; `Malformed` with the line that breaks the form, or that
+    /// writes a file that another line or the results have or one outside the folder, and for a
+    /// file without lines; `Usage` for an output that is an address, and for options that `check`
+    /// refuses.
     pub fn open(
         path: &Path,
         words: &Words<'a>,

@@ -16,17 +16,17 @@ use super::words::Words;
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, ErrorKind, Result};
 
-/// Settings of the command line that hold for all scenes.
+/// Settings of the command line for all scenes.
 pub struct BatchOptions<'a> {
     /// The manifest.
     pub manifest: &'a Path,
-    /// The scenes of it.
+    /// Its scenes to bake.
     pub arguments: &'a ManifestArguments,
     /// Options of every scene.
     pub given: &'a ExplicitOptions,
     /// The folder of the outputs, if `given` has one; else it is the manifest's.
     pub outputs: &'a Path,
-    /// True if a file that holds no results may be replaced by results.
+    /// True if a file other than results may be replaced.
     pub force: bool,
     /// Refuses values of a scene's words.
     pub check: CheckScene<'a>,
@@ -37,7 +37,8 @@ pub struct BatchOptions<'a> {
 /// A single scene's error is that of the program, so that schedulers see its exit code.
 ///
 /// # Errors
-/// Those of the manifest and of the results' file; a scene's only if it was chosen by its number.
+/// Errors of the manifest and of the results' file; a scene's error only if it was selected by
+/// number.
 pub fn run(
     batch: &BatchOptions,
     known: &[OptionKind],
@@ -62,7 +63,7 @@ pub fn run(
         return Err(Error::usage(message).in_file(manifest));
     }
     let mut results = Results::create(arguments, force)?;
-    // Every path of a line is relative to the manifest, whatever option it belongs to.
+    // All paths of a line are relative to the manifest.
     let folder = manifest.parent().filter(|folder| !folder.as_os_str().is_empty());
     if let Some(folder) = folder {
         std::env::set_current_dir(folder).map_err(|error| Error::io(error, folder))?;
@@ -103,7 +104,7 @@ fn absolute(path: &Path) -> Result<PathBuf> {
     std::path::absolute(path).map_err(|error| Error::io(error, path))
 }
 
-/// The results, on stdout and in a file if one is asked for.
+/// The results, on stdout and in a file if requested.
 struct Results(Option<Output>);
 
 impl Results {
@@ -126,7 +127,7 @@ impl Results {
     }
 }
 
-/// True for results of a former run, and for an empty file.
+/// True for results of an earlier run, and for an empty file.
 fn is_results(path: &Path) -> bool {
     let first = Lines::open(path).and_then(|mut lines| lines.next_line());
     match first {

@@ -12,17 +12,17 @@ use super::options::{OF_ALL, OptionKind};
 /// Makes command lines of scenes.
 #[derive(Debug, Clone, Copy)]
 pub struct Words<'a> {
-    /// The options that the command line gives for all scenes.
+    /// The command line's options for all scenes.
     pub given: &'a ExplicitOptions,
     /// All options of `bake`.
     pub known: &'a [OptionKind],
-    /// The folder that outputs of lines are relative to.
+    /// The base folder of outputs in lines.
     pub outputs: &'a Path,
 }
 
 impl Words<'_> {
-    /// The command line that bakes a scene: its own options, and of those that are given for all
-    /// scenes the others.
+    /// The command line for a scene: its own options, and the common options that it does not
+    /// override.
     pub fn of(&self, line: &SceneLine) -> Vec<OsString> {
         let mut words: Vec<OsString> = vec!["mipvog-bake".into(), "bake".into()];
         for option in self.known.iter().filter(|option| !OF_ALL.contains(&option.name.as_str())) {
@@ -60,7 +60,7 @@ impl Words<'_> {
         words
     }
 
-    /// The files that a scene writes, by the line or by the command line.
+    /// The output files of a scene, from its line or from the command line.
     pub fn written(&self, line: &SceneLine) -> Vec<Written> {
         let own = |option: &str, path: &str| Written {
             option: option.to_owned(),
@@ -96,9 +96,9 @@ impl Words<'_> {
 pub struct Written {
     /// The option that names it.
     pub option: String,
-    /// The path, as it is named.
+    /// The given path.
     pub path: PathBuf,
-    /// True if the line names it, and not the command line for all.
+    /// True if the line names it, not the command line.
     pub is_own: bool,
 }
 

@@ -206,8 +206,8 @@ impl Error {
         self
     }
 
-    /// Says that the error's place is in the container that a value of a JSON document embeds,
-    /// whose first byte is the file's byte `offset`.
+    /// Marks the error's place as in a container that a value of a JSON document embeds, starting
+    /// at byte `offset` of the file.
     #[must_use]
     pub fn within(mut self, pointer: &str, offset: u64) -> Self {
         let place = Box::new(std::mem::replace(&mut self.0.place, Place::File));
@@ -330,7 +330,7 @@ impl fmt::Display for Error {
     }
 }
 
-/// Tenths of megabytes, as people read them.
+/// Megabytes with one digit, for people.
 fn megabytes(tenths: u64) -> String {
     format!("{}.{} MB", tenths / 10, tenths % 10)
 }
@@ -347,7 +347,7 @@ impl fmt::Display for ErrorKind {
                 write!(f, "found {asked} {what}, expected at most {allowed}")
             }
             Self::TooLittleMemory { least, allowed } => {
-                // Rounded apart, so that the need is shown as the larger one.
+                // Rounded in opposite directions, so that the need is shown as larger.
                 let least = megabytes(least.div_ceil(100_000));
                 let allowed = megabytes(allowed / 100_000);
                 write!(f, "needs {least} of memory, the bound is {allowed}")

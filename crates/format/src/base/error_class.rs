@@ -1,8 +1,8 @@
-//! What a program does about an error.
+//! Classes of errors by the response of a program.
 
 use super::error::ErrorKind;
 
-/// Kinds of errors that call for the same response, such as an exit code.
+/// Kinds of errors with the same response, such as an exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorClass {
     /// The request is invalid.

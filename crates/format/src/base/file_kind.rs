@@ -1,13 +1,13 @@
-//! Tells the kind of a file by its first bytes.
+//! Detects the kind of a file from its first bytes.
 
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::base::text::without_mark;
 
-/// The kind of a file whose start tells nothing.
+/// The name of an unknown kind of file.
 pub const UNKNOWN: &str = "a file of unknown kind";
 
-/// Names the kind of a file, as far as its start tells.
+/// Names the kind of a file, if its start reveals it.
 ///
 /// # Errors
 /// If its start cannot be read.
@@ -29,7 +29,7 @@ pub fn describe(file: &SourceFile) -> Result<&'static str> {
     }))
 }
 
-/// As many bytes as tell a file's kind.
+/// Bytes that suffice to detect a file's kind.
 pub fn start(file: &SourceFile) -> Result<Vec<u8>> {
     let count = file.length().min(264);
     file.read(0, count, count)
@@ -51,7 +51,7 @@ fn is_text(bytes: &[u8]) -> bool {
         && !bytes.iter().any(|&byte| byte < b' ' && !b"\t\n\r\x0c".contains(&byte))
 }
 
-/// A checkpoint in a format that PyTorch has left, if a file starts so.
+/// A checkpoint in an obsolete PyTorch format, if the file starts like one.
 pub fn old_checkpoint(start: &[u8]) -> Option<&'static str> {
     // The number that torch.save pickled first before version 1.6.
     const LEGACY: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19";
@@ -76,7 +76,7 @@ fn is_tar(start: &[u8]) -> bool {
     start.get(257..262) == Some(b"ustar")
 }
 
-/// The kind of a text that a download leaves in place of a file.
+/// The kind of a text that a failed download leaves in place of a file.
 pub fn no_download(start: &[u8]) -> Option<&'static str> {
     let text = without_mark(start).trim_ascii_start();
     let starts = |with: &str| {
@@ -92,7 +92,7 @@ pub fn no_download(start: &[u8]) -> Option<&'static str> {
         .then_some("an XML text, such as the error of a download (if so, download the file again)")
 }
 
-/// The format of a file that starts so, if it is one that people mistake for a scene.
+/// The format of a file with this start, if people commonly mistake it for a scene.
 fn other_format(start: &[u8]) -> Option<&'static str> {
     Some(match start {
         [0x89, b'M', b'V', b'G', ..] => "a .mipvog container",

@@ -121,8 +121,8 @@ codes! {
     RaySamples = "ray-samples", Error,
         at "key of the metadata",
         do "bake again with a longer step";
-    /// A box of nested ones does not lie around the next smaller one, or its nodes are not about twice
-    /// as far apart.
+    /// A box of nested ones does not lie around the next smaller one, or its nodes are not about
+    /// twice as far apart.
     NestedBoxes = "nested-boxes", Error,
         at "key of the metadata",
         do "bake again; report the bug to whoever wrote the file";
@@ -267,7 +267,7 @@ pub fn strict(finding: Finding) -> Result<()> {
     Err(finding.error)
 }
 
-/// Reports an error under a code and goes on with `None`, or hands the value through.
+/// Reports an error under a code and returns `None`, or passes the value through.
 pub fn checked<T>(result: Result<T>, code: Code, report: &mut Report) -> Result<Option<T>> {
     match result {
         Ok(value) => Ok(Some(value)),

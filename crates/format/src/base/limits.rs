@@ -1,8 +1,8 @@
-//! Limits on the sizes that a file may ask for.
+//! Limits on the sizes that a file may request.
 //!
-//! Every count, length and product that comes from a file is held against [`Limits`] before it
-//! sizes an allocation, indexes or loops. Memory that a file's numbers ask for is spent from a
-//! [`Budget`], so that many small lies cannot add up to a large one.
+//! Every count, length and product from a file is checked against [`Limits`] before it sizes an
+//! allocation, indexes or loops. Memory that a file's numbers request is taken from a [`Budget`],
+//! so that many small false sizes cannot add up to a large one.
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
@@ -15,14 +15,14 @@ impl Limits {
         Self { memory, ..self }
     }
 
-    /// The limits of one of so many things that are held at the same time.
+    /// The limits for one of this many things that are held at the same time.
     #[must_use]
     pub fn shared_by(&self, things: u64) -> Self {
         Self { memory: self.memory / things.max(1), ..self.clone() }
     }
 }
 
-/// Refuses `asked` things of a kind where a limit allows only so many.
+/// Refuses `asked` things of a kind if a limit allows fewer.
 pub fn check(
     limit: LimitName,
     what: &'static str,
@@ -33,7 +33,7 @@ pub fn check(
     over(Some(limit), what, asked, allowed, place)
 }
 
-/// Refuses `asked` things of a kind where the format, or this reader, allows only so many.
+/// Refuses `asked` things of a kind if the format or this reader allows fewer.
 pub fn check_fixed(what: &'static str, asked: u64, allowed: u64, place: &Place) -> Result<()> {
     over(None, what, asked, allowed, place)
 }
@@ -61,7 +61,7 @@ pub fn product(sizes: &[u64], what: &'static str, place: &Place) -> Result<usize
         .ok_or_else(|| Error::new(ErrorKind::Overflow { what }, place.clone()))
 }
 
-/// Memory that is left to spend on a file's word.
+/// The remaining memory for sizes that files state.
 #[derive(Debug)]
 pub struct Budget {
     all: u64,
@@ -76,14 +76,14 @@ impl Budget {
 
     /// Takes `bytes` from the budget.
     pub fn spend(&mut self, bytes: u64, what: &'static str, place: &Place) -> Result<()> {
-        // With what was spent before, so that the error shows the limit that users know.
+        // Including memory taken before, so that the error shows the user's limit.
         let spent = self.all.saturating_sub(self.left);
         check(LimitName::Memory, what, spent.saturating_add(bytes), self.all, place)?;
         self.left -= bytes;
         Ok(())
     }
 
-    /// Returns bytes that were spent on memory that is now free.
+    /// Returns bytes of freed memory.
     pub fn give_back(&mut self, bytes: u64) {
         self.left += bytes;
     }

@@ -1,9 +1,9 @@
 //! Locks, and the rule that no parallel loop runs under one.
 //!
-//! A thread that waits for its loop takes parts of other loops meanwhile. If one of these wants a
-//! lock that the thread holds, it waits for itself, for ever. So whatever runs in parallel is done
-//! before a lock is taken or after it is given back. Debug builds, and so the tests, check it: each
-//! thread counts its locks, and the loops of [`crate::base::parallel`] refuse to begin under one.
+//! A thread that waits for its loop runs parts of other loops meanwhile. If one of these needs a
+//! lock that the thread holds, the thread deadlocks. So parallel work runs only before a lock is
+//! taken or after it is released. Debug builds, and thus the tests, check this: each thread counts
+//! its locks, and the loops of [`crate::base::parallel`] refuse to start under one.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -14,7 +14,7 @@ thread_local! {
     static HELD: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
 }
 
-/// A value whose lock is held until this is dropped.
+/// A guard that holds a value's lock until dropped.
 #[derive(Debug)]
 pub struct Locked<'a, T>(MutexGuard<'a, T>);
 

@@ -1,6 +1,6 @@
-//! Loops over threads whose results do not depend on how many there are.
+//! Parallel loops whose results do not depend on the number of threads.
 //!
-//! The only door to rayon. The result of each call depends on its index alone. Results come back in
+//! The only user of rayon. The result of each call depends only on its index. Results come back in
 //! index order, and of several errors the one with the lowest index is returned.
 
 #[cfg(feature = "parallel")]
@@ -28,8 +28,8 @@ pub fn map_mut<I: Send, T: Send>(
     change: impl Fn(usize, &mut I) -> Result<T> + Sync + Send,
 ) -> Result<Vec<T>> {
     lock::assert_none_held();
-    // A lock for each item, which no two threads ever want: the price of a loop without types. Work
-    // under it may be parallel again, so it is none of `base::lock`.
+    // An uncontended lock per item, the cost of a type-erased loop. Work under it may be parallel
+    // again, so it does not use `base::lock`.
     let places: Vec<_> = items.iter_mut().map(|item| Mutex::new((item, None))).collect();
     for_each(places.len(), &|i| {
         let mut place = places[i].lock().unwrap_or_else(PoisonError::into_inner);
@@ -43,8 +43,8 @@ pub fn map_mut<I: Send, T: Send>(
     results.collect()
 }
 
-/// Calls `work` for every index. Without types: rayon's part of a loop is compiled once, and not
-/// again for each of the program's loops, where it was a fifth of all code.
+/// Calls `work` for every index. Type-erased, so that rayon's part of a loop is compiled once, not
+/// per loop, which was a fifth of all code.
 fn for_each(count: usize, work: &(dyn Fn(usize) + Sync)) {
     #[cfg(feature = "parallel")]
     {
@@ -55,7 +55,7 @@ fn for_each(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).for_each(work);
 }
 
-/// Runs both, at the same time where there are threads for it.
+/// Runs both, in parallel if there are threads.
 pub fn join<A: Send, B: Send>(
     first: impl FnOnce() -> A + Send,
     second: impl FnOnce() -> B + Send,
@@ -79,7 +79,7 @@ pub fn threads() -> usize {
 ///
 /// # Errors
 ///
-/// The system gives no more threads.
+/// The system cannot create more threads.
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     lock::assert_none_held();
     #[cfg(feature = "parallel")]
@@ -98,12 +98,14 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     }
 }
 
-/// Address space that must be left before a thread is made. A thread that finds none for its first
-/// allocations ends the program. More than glibc keeps, so that the system is asked for it.
+/// Address space that must be free before a thread is created, because a thread without room for
+/// its first allocations aborts the program. Larger than glibc's cache, so that the test reaches
+/// the system.
 #[cfg(feature = "parallel")]
 const LEFT: usize = 40 << 20;
 
-/// Starts a thread of a pool. Returns when it runs: the next one then sees what is left.
+/// Starts a thread of a pool. Returns once it runs, so that the next one sees the remaining address
+/// space.
 #[cfg(feature = "parallel")]
 fn spawn(thread: rayon::ThreadBuilder) -> std::io::Result<()> {
     let mut left = Vec::<u8>::new();
@@ -118,16 +120,17 @@ fn spawn(thread: rayon::ThreadBuilder) -> std::io::Result<()> {
     started.recv().map_err(std::io::Error::other)
 }
 
-/// Has a thread keep the memory that it frees. glibc's allocator gives memory back, and fetches it
-/// again page by page, under a lock that all threads share: a fifth of a bake's time on two. After
-/// a piece of 31 MiB (more does not count) was freed, it keeps 62 MiB; later allocations are room
-/// made in one step. No page is touched, so no memory is taken. Other allocators are not affected.
+/// Makes a thread keep the memory that it frees. By default, glibc's allocator returns memory and
+/// fetches it again page by page, under a lock that all threads share: a fifth of a bake's time on
+/// two threads. After a piece of 31 MiB (larger ones have no effect) was freed, it keeps 62 MiB,
+/// and later grows in large steps. No page is touched, so no memory is used. Other allocators are
+/// not affected.
 #[cfg(feature = "parallel")]
 fn keep_freed_memory() {
     for mebibytes in [&[31][..], &[28, 28]] {
         let pieces = mebibytes.iter().map(|mebibytes: &usize| {
             let mut piece = Vec::<u8>::new();
-            // If address space is short, all stays as it was.
+            // If address space is short, nothing changes.
             piece.try_reserve_exact(mebibytes << 20).map(|()| piece)
         });
         std::hint::black_box(pieces.collect::<Vec<_>>());

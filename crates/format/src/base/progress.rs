@@ -61,19 +61,19 @@ pub trait Progress: Sync {
     fn advance(&self, _step: Step, _by: u64) {}
     /// `step` reaches a named part, such as `picture 3/30`.
     fn part(&self, _step: Step, _name: &str) {}
-    /// Asked between pieces of work that only improve a result; `true` stops with the result so
+    /// Called between pieces of work that only improve a result; `true` stops with the result so
     /// far.
     fn enough(&self) -> bool {
         false
     }
-    /// Asked between pieces of work; `true` stops with
+    /// Called between pieces of work; `true` stops with
     /// [`crate::base::error::ErrorKind::Cancelled`].
     fn cancelled(&self) -> bool {
         false
     }
 }
 
-/// A request to stop that can be passed around: clones of a token are one token.
+/// A shared request to stop: all clones of a token share their state.
 ///
 /// ```
 /// use mipvog_format::{CancelToken, Progress};
@@ -92,7 +92,7 @@ impl CancelToken {
         Self::default()
     }
 
-    /// Asks all work that has a clone of this token to stop.
+    /// Requests all work with a clone of this token to stop.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -104,7 +104,7 @@ impl Progress for CancelToken {
     }
 }
 
-/// Progress without a watcher.
+/// Progress that is ignored.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

@@ -1,9 +1,9 @@
-//! One of several parts of a list that machines share.
+//! A shard: one of several parts of a list that machines share.
 
 use std::str::FromStr;
 
-/// Part `number` of `of` parts: the things of a list whose numbers, counted from 0, leave the rest
-/// `number` when divided by `of`. So parts differ by at most one thing.
+/// Part `number` of `of` parts: the items whose index modulo `of` is `number`. Sizes of parts
+/// differ by at most one item.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     number: u64,

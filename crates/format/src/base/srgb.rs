@@ -1,12 +1,12 @@
 //! Display-referred sRGB and linear light (IEC 61966-2-1).
 
-/// Linear light of an sRGB value from 0 to 1; values beyond are limited.
+/// Linear light of an sRGB value from 0 to 1; values beyond are clamped.
 pub fn linear(value: f64) -> f64 {
     let value = value.clamp(0.0, 1.0);
     if value <= 0.040_45 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) }
 }
 
-/// The sRGB value of linear light. Light above 1 is more than 1; light below 0 is none.
+/// The sRGB value of linear light. Light above 1 gives more than 1; light below 0 gives 0.
 pub fn display(light: f64) -> f64 {
     let light = light.max(0.0);
     if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * libm::pow(light, 1.0 / 2.4) - 0.055 }

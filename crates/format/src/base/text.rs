@@ -1,4 +1,4 @@
-//! Texts from elsewhere.
+//! Text from external sources.
 
 use std::borrow::Cow;
 
@@ -7,8 +7,8 @@ pub fn without_mark(text: &[u8]) -> &[u8] {
     text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text)
 }
 
-/// JSON in which numbers that JSON has no spelling for stand in quotes: Python writes `NaN`,
-/// `Infinity` and `-Infinity` as they are. All else stays, in its line.
+/// JSON with non-finite numbers in quotes: Python writes bare `NaN`, `Infinity` and `-Infinity`,
+/// which JSON does not allow. Everything else stays, on the same line.
 pub fn quoted_numbers(json: &str) -> Cow<'_, str> {
     const WORDS: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
     if !json.contains("NaN") && !json.contains("Infinity") {
@@ -23,7 +23,7 @@ pub fn quoted_numbers(json: &str) -> Cow<'_, str> {
                 rest = &rest[word.len()..];
                 continue;
             }
-            // What is escaped is no end of a text.
+            // An escaped quote does not end a string.
             (_, '\\') if is_text => 1 + rest[1..].chars().next().map_or(0, char::len_utf8),
             (_, '"') => {
                 is_text = !is_text;
@@ -38,13 +38,13 @@ pub fn quoted_numbers(json: &str) -> Cow<'_, str> {
     quoted.into()
 }
 
-/// True of a text that [`quoted_numbers`] has put in the place of a number.
+/// True for a string that [`quoted_numbers`] made from a number.
 pub fn is_quoted_number(text: &str) -> bool {
     matches!(text, "NaN" | "Infinity" | "-Infinity")
 }
 
-/// A text whose control characters are escaped, but for ends of lines: names from files must not
-/// steer a terminal.
+/// Text with control characters escaped, except line ends, because names from files must not
+/// control a terminal.
 pub fn printable(text: &str) -> Cow<'_, str> {
     let steers = |c: char| c.is_control() && c != '\n';
     if !text.contains(steers) {
@@ -71,7 +71,7 @@ const UNITS: [(&str, u64); 13] = [
     ("", 1),
 ];
 
-/// A number of bytes: `1500`, `30MB`, `1.5 MiB`, `2G`. Parts of a byte are left out.
+/// A number of bytes: `1500`, `30MB`, `1.5 MiB`, `2G`. Fractions of a byte are dropped.
 pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
     let wrong = || "expected bytes such as 1500, 30MB, 1.5MiB or 2G".to_owned();
     let units = UNITS.iter().find_map(|&(unit, bytes)| Some((text.strip_suffix(unit)?, bytes)));
@@ -82,7 +82,7 @@ pub fn parse_bytes(text: &str) -> std::result::Result<u64, String> {
     if !is_number(whole) || !is_number(part) {
         return Err(wrong());
     }
-    // The first digits say more than a byte does.
+    // Leading digits are more informative than exact bytes.
     let part = &part[..part.len().min(12)];
     let scaled = |digits: &str, of: u64| -> Option<u128> {
         Some(digits.parse::<u128>().ok()? * u128::from(unit) / u128::from(of))

@@ -1,11 +1,11 @@
-//! Rules of the metadata as they are held: each broken one is a finding.
+//! Checks of metadata rules; each violation is a finding.
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked};
 
-/// Rules of the metadata as they are held.
+/// Checks of metadata rules.
 pub(super) struct Rules<'a, 'r> {
-    /// False once a rule was broken.
+    /// False after a violation.
     pub(super) sound: bool,
     pub(super) report: &'a mut Report<'r>,
 }
@@ -25,7 +25,7 @@ impl Rules<'_, '_> {
         })
     }
 
-    /// Reports the error of a rule.
+    /// Reports a rule's error.
     pub(super) fn hold(
         &mut self,
         key: &str,

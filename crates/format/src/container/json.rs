@@ -13,8 +13,8 @@ pub fn to_canonical(value: &impl Serialize) -> Result<String> {
     Ok(sorted(value).to_string())
 }
 
-/// Reads canonical JSON, and refuses any other form of the same value: the value, written again,
-/// must be the same bytes.
+/// Reads canonical JSON, and refuses any other form of the same value: rewriting the value must
+/// give the same bytes.
 pub fn from_canonical<T: DeserializeOwned + Serialize>(text: &[u8], place: &Place) -> Result<T> {
     let value: T = serde_json::from_slice(text).map_err(|error| not_json(&error, place))?;
     if to_canonical(&value)?.as_bytes() == text {

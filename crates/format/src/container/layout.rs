@@ -18,9 +18,9 @@ pub const HEADER_BYTES: u64 = 64;
 pub const ENTRY_BYTES: u64 = 64;
 /// Chunks start at multiples of this.
 pub const ALIGNMENT: u64 = 64;
-/// Offset of the header's checksum, which counts as zero in its own sum.
+/// Offset of the header's checksum, which counts as zero when it is computed.
 const CHECKSUM_AT: usize = 48;
-/// Level field of a chunk that belongs to no level.
+/// Level field of a chunk without a level.
 const NO_LEVEL: u32 = u32::MAX;
 
 /// The header.
@@ -80,7 +80,7 @@ impl Entry {
         Place::Chunk { kind: self.kind, level: self.level }
     }
 
-    /// Offset of the first byte after its padding; beyond any file where the directory says so.
+    /// Offset of the first byte after its padding; can exceed the file in an invalid directory.
     pub fn padded_end(&self) -> u64 {
         let end = self.offset.saturating_add(self.length);
         end.checked_next_multiple_of(ALIGNMENT).unwrap_or(u64::MAX)
@@ -139,7 +139,7 @@ impl Header {
         Ok(bytes)
     }
 
-    /// Reads the fields; judges signature and version, nothing else.
+    /// Reads the fields; checks only signature and version.
     pub fn read(bytes: &[u8]) -> Result<Self> {
         let mut reader = ByteReader::new(bytes, 0);
         let signature = reader.array()?;

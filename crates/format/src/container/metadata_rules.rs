@@ -14,13 +14,14 @@ use crate::model::directional::{DIRECTIONAL as DIRECTIONAL_VALUES, MOST_CHANNELS
 use crate::model::grid::{Bounds, Nodes};
 use crate::model::scene::{ColorDomain, DensityFunction};
 
-/// Distances of a shell's nodes in those of the next smaller box.
+/// Allowed ratio of a shell's node distance to that of the next smaller box.
 pub const SPACING_RATIOS: std::ops::RangeInclusive<f64> = 1.5..=3.0;
 
 /// Nodes along a block's edge, at most.
 pub const LARGEST_BLOCK: usize = 64;
 
-/// Values of the metadata are in range and agree. `false` where levels could not be read by them.
+/// Checks that values of the metadata are in range and consistent. Returns `false` if levels cannot
+/// be read with them.
 pub fn metadata(
     metadata: &Metadata,
     limits: &Limits,
@@ -49,7 +50,7 @@ pub fn metadata(
             metadata.march.check_nested(nodes, &metadata.bounds, &outer),
         )?;
     }
-    // Optical depths can only be mixed where every level has its own.
+    // Mixing optical depths requires every level to have its own.
     let own = metadata.parts().all(|level| level.density.is_some());
     let mixed = metadata.blend == Blend::BeforeActivation || own;
     rules.require(
@@ -63,7 +64,7 @@ pub fn metadata(
     Ok(rules.sound)
 }
 
-/// Rules of everything but levels that need more than one value.
+/// Rules over several values, except those of levels.
 fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let (march, activation) = (&metadata.march, &metadata.activation);
     let boxed = metadata.bounds.check(place);
@@ -86,7 +87,7 @@ fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     rules.require(lod.is_valid(), "level_of_detail", found, expected)
 }
 
-/// Rules of shells: their boxes lie around each other.
+/// Rules of shells: their boxes are nested.
 fn shells(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
     let count = metadata.shells.len();
     if count == 0 {
@@ -116,7 +117,7 @@ fn shells(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
     Ok(())
 }
 
-/// True if a box holds a smaller one, and its nodes lie about twice as far apart.
+/// True if a box contains a smaller one, and its nodes are about twice as far apart.
 pub fn is_around((bounds, nodes): (Bounds, Nodes), (smaller, finer): (Bounds, Nodes)) -> bool {
     let holds = bounds.min.iter().zip(smaller.min).all(|(&low, inner)| low <= inner)
         && bounds.max.iter().zip(smaller.max).all(|(&high, inner)| high >= inner);
@@ -135,7 +136,7 @@ fn level(metadata: &Metadata, part: usize, limits: &Limits, rules: &mut Rules) -
         false => format!("levels[{number}].{name}"),
     };
     let sizes = level.dimensions;
-    // A shell may have any size; its rules are those of boxes.
+    // A shell may have any size; rules of boxes apply.
     let finer = match (is_shell, number.checked_sub(1)) {
         (false, Some(finer)) => {
             let shell = metadata.shell_of(finer).and_then(|shell| metadata.part(shell));
@@ -182,7 +183,7 @@ fn level(metadata: &Metadata, part: usize, limits: &Limits, rules: &mut Rules) -
     let found = format!("{} encodings", level.bands.len());
     let expected = "one for each band of harmonics";
     rules.require(level.bands.len() == layout.degree, &key("bands"), found, expected)?;
-    // What a block inherits comes from the next coarser level.
+    // Inherited values come from the next coarser level.
     let coarser_too = coarser.is_none_or(|coarser| coarser.directional.is_some());
     let fits = metadata.features + 3 + DIRECTIONAL_VALUES <= MOST_CHANNELS;
     rules.require(
@@ -210,13 +211,13 @@ fn level(metadata: &Metadata, part: usize, limits: &Limits, rules: &mut Rules) -
     Ok(())
 }
 
-/// [`metadata`] for strict readers: the first thing that is wrong is the error.
+/// [`metadata`] for strict readers: the first violation is the error.
 pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Result<()> {
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-/// True if values of a group can mean this. Levels that are mixed before activation must mean the
-/// same.
+/// True if values of a group can have this meaning. Levels that are mixed before activation must
+/// have the same meaning.
 fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> bool {
     let harmonics = metadata.view.as_ref().and_then(ViewMetadata::harmonics);
     match (group, harmonics, metadata.blend) {
@@ -228,12 +229,12 @@ fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> b
         (Group::Band(band), _, _) => {
             matches!(decode, Decode::Coefficient(of) if usize::from(of) == band)
         }
-        // Levels that are mixed must mean the same.
+        // Mixed levels must have the same meaning.
         (Group::Diffuse | Group::Features, _, _) if linear && metadata.view.is_none() => {
             decode == Decode::Linear
         }
         (Group::Diffuse | Group::Features, _, _) => decode == Decode::Logit,
-        // Added to logits of a level.
+        // It is added to the logits of a level.
         (Group::Directional, None, Blend::AfterActivation) if !linear => {
             decode == Decode::Directional
         }

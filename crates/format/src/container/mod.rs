@@ -12,7 +12,7 @@
 //!
 //! [`layout`] has the records, [`runs`] the compressed runs of frames, [`json`] canonical JSON,
 //! `open` walks the rules of a file's structure, `read` decodes its levels, `prefix` reads a file
-//! that was cut after a level, and `write` puts a file together.
+//! that was cut after a level, and `write` assembles a file.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod generated;

@@ -1,8 +1,8 @@
 //! Opening a container: its header, directory and metadata.
 //!
-//! One walk serves the strict reader, the reader of prefixes and the validator. It reports each
-//! rule that the file breaks and goes on where it can. Nothing is allocated before its size was
-//! held against the file's length or the limits.
+//! The strict reader, the reader of prefixes and the validator share one walk. It reports each
+//! violated rule and continues if possible. Sizes are checked against the file's length or the
+//! limits before allocation.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub struct Container {
     pub(super) entries: Vec<Entry>,
     pub(super) metadata: Metadata,
     pub(super) limits: Limits,
-    /// Pointer to the value of a document that holds the container, and where it starts in its
+    /// Pointer to the document's value that holds the container, and the container's offset in the
     /// file.
     pub(super) inside: Option<(String, u64)>,
 }
@@ -39,11 +39,10 @@ pub fn is_container(file: &SourceFile) -> bool {
     file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
 }
 
-/// Letters of the signatures of PNG and HDF5, whose other bytes are those of a container's.
+/// Letters of the signatures of PNG and HDF5, whose other bytes match a container's.
 const RELATIVES: [&[u8]; 2] = [b"PNG", b"HDF"];
 
-/// True if half of the signature's bytes are there: the file is meant as a container, though its
-/// signature may be damaged.
+/// True if half of the signature's bytes match: probably a container with a damaged signature.
 pub fn starts_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
     let read = file.read_into(0, &mut start).is_ok() && !RELATIVES.contains(&&start[1..4]);
@@ -54,8 +53,8 @@ impl Container {
     /// Opens a complete container, and checks its structure and metadata, but not yet its levels.
     ///
     /// # Errors
-    /// The first rule of the specification that the file breaks. Every proper prefix of a container
-    /// breaks one.
+    /// The first violated rule of the specification. Every proper prefix of a container violates
+    /// one.
     pub fn open(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
         Self::strictly(file, limits, rules::length)
     }
@@ -65,7 +64,7 @@ impl Container {
         Self::open(Arc::new(SourceFile::open(path)?), limits)
     }
 
-    /// Opens a container in memory, of which a slice is copied once; see [`Self::open`].
+    /// Opens a container in memory; a slice is copied once. See [`Self::open`].
     ///
     /// ```
     /// use mipvog_format::{Container, ErrorKind, Limits};
@@ -83,8 +82,8 @@ impl Container {
         Self::open(Arc::new(SourceFile::held(bytes, path)?), limits)
     }
 
-    /// Opens a container of which the file has a whole level or more: it ends where the header
-    /// says, or at a level's prefix. [`Prefix`](super::Prefix) wraps it.
+    /// Opens a container with at least one complete level: the file ends where the header says, or
+    /// at a level's prefix. [`Prefix`](super::Prefix) wraps it.
     pub(super) fn open_prefix(file: Arc<SourceFile>, limits: &Limits) -> Result<Self> {
         Self::strictly(file, limits, |_, _, _| Ok(()))
     }
@@ -104,7 +103,7 @@ impl Container {
     }
 
     /// Opens a container, reporting everything that is wrong with its structure and metadata.
-    /// `None` where too little is right to go on.
+    /// `None` if reading cannot continue.
     #[doc(hidden)]
     pub fn walk(
         file: Arc<SourceFile>,
@@ -152,8 +151,8 @@ impl Container {
         Ok(Some(Self { file, header, entries, metadata, limits, inside: None }))
     }
 
-    /// Says that a value of a document holds this container, `offset` bytes from its file's start:
-    /// errors of strict reads tell places in that file.
+    /// Marks this container as embedded in a value of a document, at byte `offset` of its file, so
+    /// that errors of strict reads have places in that file.
     #[must_use]
     pub fn inside(mut self, pointer: &str, offset: u64) -> Self {
         self.inside = Some((pointer.to_owned(), offset));
@@ -185,14 +184,14 @@ impl Container {
         &self.metadata
     }
 
-    /// A chunk of a kind and level, if there is one.
+    /// The chunk of a kind and level, if present.
     pub(super) fn entry(&self, kind: ChunkKind, level: Option<usize>) -> Option<&Entry> {
         self.entries
             .iter()
             .find(|entry| entry.kind == kind && entry.level.map(|level| level as usize) == level)
     }
 
-    /// A chunk's bytes, held against their checksum.
+    /// A chunk's bytes, with a verified checksum.
     pub(super) fn chunk(&self, entry: &Entry, report: &mut Report) -> Result<Option<Vec<u8>>> {
         chunk_bytes(
             &self.file,
@@ -202,7 +201,7 @@ impl Container {
         )
     }
 
-    /// Decodes a chunk's bytes, which the budget pays for as long as they are held.
+    /// Decodes a chunk's bytes, which count against the budget while held.
     pub(super) fn with_chunk<T>(
         &self,
         entry: &Entry,
@@ -240,8 +239,7 @@ fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<V
     read_directory(header, &bytes)
 }
 
-/// A chunk's bytes, held against their checksum; at most as many as `allowed` of what an error
-/// names.
+/// A chunk's bytes, with a verified checksum, up to the limit `allowed`, which errors name.
 fn chunk_bytes(
     file: &SourceFile,
     entry: &Entry,

@@ -69,11 +69,11 @@ impl Prefix {
         0..self.finest
     }
 
-    /// Decodes the present levels. Missing levels have no blocks, also in the metadata, and
-    /// renderers use [`BakedField::finest`] instead.
+    /// Decodes the present levels. Missing levels have no blocks, in the metadata too; renderers
+    /// start at [`BakedField::finest`].
     ///
     /// # Errors
-    /// The first rule of the specification that the content breaks.
+    /// The first rule of the specification that the content violates.
     pub fn read(&self) -> Result<BakedField> {
         self.container.read_from(self.finest)
     }

@@ -62,7 +62,7 @@ impl Container {
         for part in self.metadata.parts_in_file() {
             let mut budget = Budget::new(&self.limits);
             let read = self.level(part, coarser.as_ref(), &mut budget, report)?;
-            // A shell and its level are of the same coarser one.
+            // A shell and its level share the next coarser level.
             if part < self.metadata.levels.len() {
                 coarser = read;
             }
@@ -92,7 +92,8 @@ impl Container {
 
     /// Reads and decodes one level, 0 being the finest, without its shell.
     pub fn read_level(&self, number: usize) -> Result<BakedLevel> {
-        // Inherited blocks need the coarser levels, as far as those have inherited blocks too.
+        // Inherited blocks need the next coarser level, and its own coarser levels while those have
+        // inherited blocks too.
         let levels = &self.metadata.levels;
         let inherits =
             |level: &usize| levels.get(*level).is_some_and(|level| level.blocks_filled > 0);
@@ -110,13 +111,13 @@ impl Container {
         self.in_file(self.head(&mut Budget::new(&self.limits), &mut strict))
     }
 
-    /// Holds every chunk against its checksum.
+    /// Verifies the checksum of every chunk.
     pub fn verify(&self) -> Result<()> {
         let verify = |entry| self.chunk(entry, &mut strict).map(|_| ());
         self.in_file(self.entries.iter().try_for_each(verify))
     }
 
-    /// The provenance, if there is any.
+    /// The provenance, if any.
     pub fn provenance(&self) -> Result<Option<serde_json::Value>> {
         let Some(entry) = self.entry(PROVENANCE, None) else { return Ok(None) };
         let bytes = self.in_file(self.chunk(entry, &mut strict))?;
@@ -141,7 +142,7 @@ impl Container {
     ) -> Result<(Option<ViewMlp>, Option<FreeSpace>)> {
         let (mut view_mlp, mut free_space) = (None, None);
         let bulk = |entry: &&Entry| entry.level.is_some() && rules::is_known(entry.kind);
-        // A prefix may lack ancillary chunks. A whole file was held to its length.
+        // A prefix may lack ancillary chunks. The length of a complete file is already checked.
         let is_cut = |entry: &&Entry| {
             self.file.length() < self.header.file_length
                 && !entry.is_critical()
@@ -176,7 +177,7 @@ impl Container {
         Ok((view_mlp, free_space))
     }
 
-    /// A part, whose inherited blocks are made from the `coarser` level.
+    /// A part, with inherited blocks made from the `coarser` level.
     fn level(
         &self,
         number: usize,
@@ -237,8 +238,7 @@ impl Container {
         })
     }
 
-    /// The codes of all blocks from those of the ones that are stored; none where the coarser level
-    /// is missing.
+    /// The codes of all blocks from those of stored blocks; none if the coarser level is missing.
     fn restore(
         &self,
         number: usize,

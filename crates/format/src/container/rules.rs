@@ -1,6 +1,5 @@
-//! Rules of a container's chunks: which there are, where they lie, and what the header says of
-//! them. `formats/mipvog.md`, sections 2 and 3. Those of its metadata are in
-//! [`super::metadata_rules`].
+//! Rules of a container's chunks: their presence, their places, and the header's statements.
+//! `formats/mipvog.md`, sections 2 and 3. Rules of its metadata are in [`super::metadata_rules`].
 
 use super::layout::{
     ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
@@ -18,7 +17,7 @@ pub fn is_known(kind: ChunkKind) -> bool {
     CHUNKS.contains(&kind) || ATLASES.contains(&kind)
 }
 
-/// Features and the directory's place.
+/// Checks features and the directory's place.
 pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
@@ -34,7 +33,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// The file is as long as its header says.
+/// Checks that the file has the length in its header.
 pub fn length(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
     if header.file_length > file_length {
         let kind = ErrorKind::Truncated { wanted: header.file_length, left: file_length };
@@ -48,7 +47,7 @@ pub fn length(header: &Header, file_length: u64, report: &mut Report) -> Result<
     Ok(())
 }
 
-/// Chunks follow each other without holes, are known if critical, and each is there once.
+/// Checks that chunks follow each other without holes, are known if critical, and are unique.
 pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Result<()> {
     let mut next = HEADER_BYTES + ENTRY_BYTES * entries.len() as u64;
     for (i, entry) in entries.iter().enumerate() {
@@ -80,7 +79,7 @@ pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Resul
     Ok(())
 }
 
-/// The bytes between chunks are zero.
+/// Checks that the bytes between chunks are zero.
 pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Result<()> {
     for entry in entries {
         let start = entry.offset.saturating_add(entry.length);
@@ -99,7 +98,7 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
     Ok(())
 }
 
-/// The features that a reader of the metadata's file must know.
+/// The required features for this metadata.
 pub fn required_features(metadata: &Metadata) -> u64 {
     let inherits = metadata.parts().any(|level| level.blocks_filled > 0);
     let linear = metadata.color_domain() == ColorDomain::Linear
@@ -119,7 +118,7 @@ pub fn required_features(metadata: &Metadata) -> u64 {
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
 }
 
-/// The header says just what the metadata needs.
+/// Checks that the header's features are exactly those that the metadata needs.
 pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Result<()> {
     let required = required_features(metadata);
     if required == header.features & KNOWN_FEATURES {
@@ -131,8 +130,8 @@ pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Re
     report(Finding { code: Code::Header, error })
 }
 
-/// Every chunk that the metadata announces is there and no other, in order, coarse to fine, with
-/// the right prefix.
+/// Checks that exactly the chunks in the metadata are present, in order, coarse to fine, with the
+/// right prefix.
 pub fn contents(
     entries: &[Entry],
     metadata: &Metadata,
@@ -156,8 +155,8 @@ pub fn contents(
         let error = Error::malformed(Place::File, "another chunk first", "chunk META");
         report(Finding { code: Code::ChunkUnexpected, error })?;
     }
-    // Ancillary chunks may stand anywhere after that, but only of parts that exist. Unknown
-    // critical ones were reported.
+    // Ancillary chunks may be anywhere after that, but only for existing parts. Unknown critical
+    // ones are already reported.
     let parts = metadata.parts().count();
     let ancillary = |entry: &&Entry| {
         let fits = match entry.kind {
@@ -206,8 +205,8 @@ fn prefixes(
     Ok(())
 }
 
-/// Bytes from the file's start after which a level renders: its own chunks and all coarser ones;
-/// where coarser levels hold no density, the whole file.
+/// Bytes from the file's start that suffice to render a level: its own chunks and all coarser ones;
+/// if coarser levels have no density, the whole file.
 pub fn level_prefix(entries: &[Entry], metadata: &Metadata, level: u32, file_length: u64) -> u64 {
     if metadata.parts().any(|level| level.density.is_none()) {
         return file_length;

@@ -25,15 +25,15 @@ use crate::base::parallel;
 use crate::model::baked::{Codes, Encoding, with_codes};
 use crate::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
 
-/// Bytes of codes in a full run, about: small enough for many at once, large enough for several
-/// modes.
+/// Approximate bytes of codes in a full run: small enough for parallel work, large enough for
+/// several modes.
 pub const RUN_BYTES: usize = 512 << 10;
 /// First bytes of a zstd frame.
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Top bit of a run's length: the run is stored, not compressed.
 const STORED: u32 = 1 << 31;
 
-/// An atlas as it is written.
+/// An atlas for writing.
 #[derive(Debug, Default)]
 pub struct EncodedAtlas {
     frames_per_run: u32,
@@ -45,7 +45,7 @@ pub fn frames_per_run(shape: FrameShape) -> usize {
     (RUN_BYTES / shape.bytes()).max(1)
 }
 
-/// A run as it is written.
+/// A run for writing.
 #[derive(Debug)]
 pub struct CompressedRun {
     bytes: Held,
@@ -100,8 +100,8 @@ impl CompressedRun {
     }
 }
 
-/// The shorter of two ways: bytes coded by their frequencies alone, and, with more effort than the
-/// least, a zstd frame. Residuals hardly repeat, and zstd takes accidents for repetitions.
+/// The shorter of two encodings: entropy-coded bytes and, above the lowest effort, a zstd frame.
+/// Residuals hardly repeat, and zstd wastes bits on accidental matches.
 fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
     let frequencies = [
         CParameter::Strategy(Strategy::ZSTD_fast),
@@ -119,8 +119,8 @@ fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
     packed.map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
 }
 
-/// One frame of zstd that states its length. A section ends its block, so that the next has tables
-/// of its own.
+/// One zstd frame that states its length. Each section ends its block, so that the next has its own
+/// tables.
 fn pack(run: &RunBytes, level: i32, parameters: &[CParameter]) -> std::io::Result<Vec<u8>> {
     let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), level)?;
     parameters.iter().try_for_each(|&parameter| encoder.set_parameter(parameter))?;
@@ -157,7 +157,7 @@ impl EncodedAtlas {
             chunk.extend(piece);
             Ok(())
         })?;
-        // It was not read from a file: its size is known here.
+        // Not read from a file, so its size is trusted.
         let mut budget = Budget::new(&Limits { memory: u64::MAX, ..Limits::default() });
         decode(shape, encoding, frames, &chunk, &Place::File, 0, &mut budget)
     }
@@ -191,14 +191,14 @@ impl EncodedAtlas {
     }
 }
 
-/// zstd, one frame, without a checksum of its own: the chunk has one.
+/// One zstd frame without a checksum, because the chunk has one.
 pub fn compress(bytes: &[u8], level: i32) -> Result<Vec<u8>> {
     zstd::bulk::compress(bytes, level)
         .map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
 }
 
 thread_local! {
-    // A context's tables are larger than most inflated runs.
+    // The tables of a context are larger than most inflated runs, so contexts are reused.
     static DECOMPRESSOR: RefCell<Decompressor<'static>> = RefCell::default();
 }
 
@@ -207,7 +207,7 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
     let wrong = |found: String| {
         Err(Error::malformed(place.clone(), found, format!("a zstd frame of {length} bytes")))
     };
-    // One frame, no skippable ones, nothing after it: there is one way to write the same content.
+    // One frame, no skippable frames, and nothing after it, so that content has one encoding.
     let is_one = bytes.starts_with(&ZSTD_MAGIC)
         && zstd::zstd_safe::find_frame_compressed_size(bytes).is_ok_and(|size| size == bytes.len());
     if !is_one {
@@ -297,7 +297,7 @@ struct Run<'a> {
     bytes: &'a [u8],
 }
 
-/// Finds the runs of a chunk and holds their lengths against the chunk's.
+/// Finds the runs of a chunk and checks their lengths against the chunk's.
 fn split<'a>(frames: usize, chunk: &'a [u8], place: &Place, offset: u64) -> Result<Vec<Run<'a>>> {
     let mut reader = ByteReader::new(chunk, offset);
     let per_run = reader.u32()? as usize;

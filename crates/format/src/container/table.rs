@@ -9,7 +9,7 @@ use crate::model::baked::{LevelMetadata, Occupancy, Table};
 /// Bits of a number of a run that hold an occupancy.
 const ID_BITS: u32 = 2;
 
-/// A table as a chunk holds it.
+/// A table in chunk form.
 pub(super) fn to_bytes(table: &Table, in_runs: bool, zstd_level: i32) -> Result<Vec<u8>> {
     if !in_runs {
         let ids: Vec<u8> = table.occupancy().iter().map(|block| block.id()).collect();
@@ -75,7 +75,7 @@ fn from_runs(mut bytes: &[u8], total: usize, place: &Place) -> Result<Vec<Occupa
             let expected = format!("runs of occupancies 0, 1 and 2 in turn, of {total} blocks");
             return Err(Error::malformed(place.clone(), found, expected));
         };
-        // No more than the blocks that are left.
+        // At most the remaining blocks.
         let length = usize::try_from(length).unwrap_or(0);
         occupancy.resize(occupancy.len() + length, block);
     }
@@ -86,7 +86,7 @@ fn from_runs(mut bytes: &[u8], total: usize, place: &Place) -> Result<Vec<Occupa
     Err(Error::malformed(place.clone(), found, format!("all {total} blocks")))
 }
 
-/// Appends a number, 7 bits a byte, lowest first; the top bit says that more follow.
+/// Appends a number, 7 bits per byte, lowest first; a set top bit means that more follow.
 fn put_number(bytes: &mut Vec<u8>, mut number: u64) {
     while number >= 0x80 {
         bytes.push(low_bits(number) | 0x80);
@@ -99,8 +99,7 @@ fn low_bits(number: u64) -> u8 {
     (number & 0x7f) as u8
 }
 
-/// Takes a number from the start; none for more than 63 bits, more bytes than it needs, or an end
-/// within it.
+/// Takes a number from the start; none for more than 63 bits, redundant bytes, or truncation.
 fn take_number(bytes: &mut &[u8]) -> Option<u64> {
     let mut number = 0u64;
     for place in 0..9 {

@@ -1,6 +1,6 @@
 //! The thumbnail: a small PNG picture of the scene, for file managers and asset libraries.
 //!
-//! Pixels are not decoded here. A reader that shows them has a decoder of its own.
+//! Pixels are not decoded here; readers that show them bring their own decoder.
 
 use super::layout::THUMBNAIL;
 use super::open::Container;
@@ -10,14 +10,14 @@ use crate::base::finding::strict;
 /// Pixels along the longer side, at most.
 pub const LARGEST_THUMBNAIL: usize = 1024;
 
-/// What a PNG file starts with: its signature, and the length and the type of its header.
+/// The start of a PNG file: its signature, and the length and the type of its header.
 const START: [u8; 16] = *b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR";
 
 /// Width and height of a thumbnail in pixels.
 ///
 /// # Errors
-/// `Malformed` for bytes that do not start as a PNG file does, and for a side of no pixels or of
-/// more than [`LARGEST_THUMBNAIL`].
+/// `Malformed` for bytes without the start of a PNG file, and for a side of 0 or more than
+/// [`LARGEST_THUMBNAIL`] pixels.
 pub fn thumbnail_size(png: &[u8], place: &Place) -> Result<[usize; 2]> {
     let malformed =
         |found: String, expected: String| Err(Error::malformed(place.clone(), found, expected));
@@ -35,10 +35,10 @@ pub fn thumbnail_size(png: &[u8], place: &Place) -> Result<[usize; 2]> {
 }
 
 impl Container {
-    /// The thumbnail, a PNG file; none where the container has none.
+    /// The thumbnail, a PNG file, if the container has one.
     ///
     /// # Errors
-    /// Damage, and bytes that are no PNG file.
+    /// Damage, and bytes that are not a PNG file.
     pub fn thumbnail(&self) -> Result<Option<Vec<u8>>> {
         let Some(entry) = self.entry(THUMBNAIL, None) else { return Ok(None) };
         self.in_file(self.chunk(entry, &mut strict).and_then(|bytes| {

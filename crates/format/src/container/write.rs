@@ -41,15 +41,15 @@ pub struct OtherChunk {
 /// The container's parts beside the levels.
 #[derive(Debug)]
 pub struct Head<'a> {
-    /// All that is not bulk.
+    /// Everything except bulk data.
     pub metadata: &'a Metadata,
     /// View-dependent colour.
     pub view_mlp: Option<&'a ViewMlp>,
-    /// The free-space mask, where it shows.
+    /// The free-space mask, if visible.
     pub free_space: Option<&'a FreeSpace>,
     /// Origin of the content.
     pub provenance: &'a serde_json::Value,
-    /// Chunks of a former container, kept as they are.
+    /// Unknown chunks of the original container, unchanged.
     pub others: &'a [OtherChunk],
     /// Compression level of zstd.
     pub zstd_level: i32,
@@ -66,7 +66,7 @@ struct Chunk<'a> {
 enum Content<'a> {
     Bytes(Vec<u8>),
     Atlas(&'a EncodedAtlas),
-    /// A chunk of this file, as it is.
+    /// An unchanged chunk of this file.
     Copied(&'a SourceFile, &'a Entry),
 }
 
@@ -99,7 +99,8 @@ impl Content<'_> {
     }
 }
 
-/// Writes a container of these levels, finest first, and of shells after them, to `output` and returns its directory.
+/// Writes a container of these levels, finest first, and of shells after them, to `output` and
+/// returns its directory.
 pub fn write(
     head: &Head,
     levels: &[EncodedLevel],
@@ -112,7 +113,7 @@ pub fn write(
 /// Writes a container again, with this thumbnail in place of its own. All other chunks are copied.
 ///
 /// # Errors
-/// Those of reading and writing, and a thumbnail that [`thumbnail_size`] refuses.
+/// Errors of reading and writing, and a thumbnail that [`thumbnail_size`] refuses.
 pub fn with_thumbnail(
     container: &Container,
     png: Vec<u8>,
@@ -127,7 +128,7 @@ pub fn with_thumbnail(
             content: Content::Copied(container.file(), entry),
         })
         .collect();
-    // Before the levels: whoever wants the picture alone reads the start of the file.
+    // Before the levels, so that readers of the picture need only the start of the file.
     let at = chunks.iter().position(|chunk| chunk.level.is_some()).unwrap_or(chunks.len());
     chunks.insert(at, Chunk { kind: THUMBNAIL, level: None, content: Content::Bytes(png) });
     write_chunks(&chunks, container.metadata(), output)
@@ -171,7 +172,8 @@ fn directory(chunks: &[Chunk], metadata: &Metadata) -> Result<(Vec<Entry>, u64)>
     Ok((entries, offset))
 }
 
-/// Refuses everything that a reader would refuse: values of inputs and options meet here.
+/// Refuses everything that a reader would refuse, because values of inputs and options come
+/// together here.
 fn check(head: &Head) -> Result<()> {
     check_metadata(head.metadata, head.limits, &Place::File)?;
     let layers = head.view_mlp.iter().flat_map(|network| &network.layers);

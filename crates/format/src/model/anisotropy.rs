@@ -1,4 +1,4 @@
-//! Anisotropy: how the density of a node on a coarser level depends on the direction.
+//! Anisotropy: the direction dependence of a coarse node's density.
 //!
 //! ```text
 //! optical depth over one interval  t = max(0, v + sum over m of a_m * Y_2m(d))^2
@@ -6,9 +6,9 @@
 //!
 //! `d` is the unit direction from the camera into the scene, `v` the interpolated density, a square
 //! root of optical depth, and `a` the five interpolated values of anisotropy. `Y_2m` are the
-//! functions of band 2 of [`super::harmonics`]. A coarse node in a thin wall hides more from the
-//! side than along it. Both ways along a line are the same to it, so odd bands have nothing to say,
-//! and the mean over all directions is `v`.
+//! functions of band 2 of [`super::harmonics`]. A coarse node in a thin wall absorbs more across
+//! the wall than along it. Both directions along a line are equivalent, so odd bands are 0, and the
+//! mean over all directions is `v`.
 
 use super::harmonics::basis;
 
@@ -42,7 +42,7 @@ pub fn of_tensor([xx, yy, zz, xy, xz, yz]: [f32; 6]) -> [f32; ANISOTROPY] {
     ]
 }
 
-/// What `anisotropy` adds to density where the functions have these values.
+/// The contribution of `anisotropy` to density for these function values.
 #[inline(always)]
 pub fn added_density(anisotropy: &[f32; ANISOTROPY], along: &[f32; ANISOTROPY]) -> f32 {
     let [a, b, c, d, e] = anisotropy;
@@ -50,7 +50,7 @@ pub fn added_density(anisotropy: &[f32; ANISOTROPY], along: &[f32; ANISOTROPY]) 
     a * u + b * v + c * w + d * x + e * y
 }
 
-/// The most that `anisotropy` adds to density in any direction (Cauchy-Schwarz).
+/// The largest contribution of `anisotropy` to density in any direction (Cauchy-Schwarz).
 pub fn most_added(anisotropy: &[f32; ANISOTROPY]) -> f32 {
     NORM * added_density(anisotropy, anisotropy).sqrt()
 }

@@ -1,21 +1,21 @@
-//! Directional brightness: what a node of a coarser level adds to its diffuse colour in a direction.
+//! Directional brightness: the direction dependence of a coarse node's diffuse colour.
 //!
 //! ```text
 //! colour  c = sigmoid(v_c + d . b),  for red, green and blue
 //! ```
 //!
 //! `d` is the unit direction from the camera into the scene, `v` the logits of diffuse colour, and
-//! `b` the three values of directional brightness, which all channels share. A node far from the
-//! camera stands for many fine ones, which hide each other otherwise from each side: what it shows
-//! depends on the direction, though no fine node's colour does. The three values are the linear
-//! harmonics of that brightness; those of each channel apart would be nine.
+//! `b` the three values of directional brightness, which all channels share. A coarse node
+//! represents many fine nodes, which occlude each other differently in each direction. So its look
+//! depends on the direction, although no fine node's colour does. The three values are the linear
+//! harmonics of that brightness; separate ones per channel would be nine.
 
 use crate::model::activate::lanes;
 
 /// Values of a node.
 pub const DIRECTIONAL: usize = 3;
-/// Colour channels and features of a node that has directional brightness, its own values among
-/// them, at most.
+/// Maximum colour channels and features of a node with directional brightness, including its
+/// values.
 pub const MOST_CHANNELS: usize = 64;
 
 /// The logit that `brightness` adds along a unit `direction`.

@@ -1,4 +1,4 @@
-//! The free-space mask: outside it training dropped every sample.
+//! The free-space mask: training dropped every sample outside it.
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::grid::Nodes;
@@ -20,7 +20,7 @@ pub struct FreeSpace {
 /// the mask.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Lookup {
-    /// The nearest node decides (DirectVoxGO's boolean mask). Halves round to even.
+    /// The value of the nearest node (DirectVoxGO's boolean mask). Halves round to even.
     Nearest(Vec<bool>),
     /// Trilinear interpolation of `values`, inside where it is at least `threshold` (Mip-VoG's
     /// coarse raw density).

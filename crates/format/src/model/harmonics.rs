@@ -6,10 +6,10 @@
 //! where sample  C_c = sum of w * clamp(s_c)
 //! ```
 //!
-//! `d` is the unit direction from the camera into the scene, `k` the coefficients of the sample, and
-//! `w` its weight. Functions are numbered as `l^2 + l + m`, with the signs of the Condon-Shortley
-//! phase, so that `Y_1 = -0.4886 y`. Plenoxels, PlenOctrees, TensoRF and tiny-cuda-nn share this
-//! basis. Band `l` holds the functions `l^2` to `(l + 1)^2 - 1`.
+//! `d` is the unit direction from the camera into the scene, `k` the coefficients of the sample,
+//! and `w` its weight. Functions are numbered as `l^2 + l + m`, with the signs of the
+//! Condon-Shortley phase, so that `Y_1 = -0.4886 y`. Plenoxels, PlenOctrees, TensoRF and
+//! tiny-cuda-nn share this basis. Band `l` holds the functions `l^2` to `(l + 1)^2 - 1`.
 
 use serde::{Deserialize, Serialize};
 
@@ -110,7 +110,7 @@ impl Harmonics {
         self.ray(self.sample(basis, coefficients))
     }
 
-    /// The slope of a limited value over the value, from the limited one.
+    /// The derivative of the clamp, from the clamped value.
     #[inline(always)]
     pub fn slope(&self, limited: f32) -> f32 {
         match self.clamp {

@@ -1,5 +1,5 @@
-//! What a container holds, and its geometry: metadata and codes, activations, grids, view-dependent
-//! colour.
+//! The content of a container and its geometry: metadata and codes, activations, grids,
+//! view-dependent colour.
 
 pub mod activate;
 pub mod anisotropy;

@@ -6,7 +6,7 @@ pub use crate::model::free_space::{FreeSpace, Lookup};
 pub use crate::model::generated::{Activation, ActivationOrder, DensityFunction, March};
 use crate::model::grid::{Bounds, Nodes};
 
-/// An invisible opacity over one interval: 10^4 such samples move a picture by a part in 10^6.
+/// An invisible opacity over one interval: 10^4 such samples change a picture by 10^-6.
 pub const INVISIBLE_OPACITY: f64 = 1e-10;
 
 /// Logit of empty space.
@@ -38,19 +38,19 @@ pub enum ColorDomain {
 }
 
 impl Activation {
-    /// Of raw densities that are logits, interpolated as they are.
+    /// For raw densities that are logits, interpolated before activation.
     pub const fn logits(shift: f32, interval: f32) -> Self {
         let (order, function) = (ActivationOrder::Raw, DensityFunction::Softplus);
         Self { shift, interval, order, function }
     }
 
-    /// Of raw densities that may be negative, interpolated as they are.
+    /// For raw densities that may be negative, interpolated before activation.
     pub const fn relu(interval: f32) -> Self {
         let (order, function) = (ActivationOrder::Raw, DensityFunction::Relu);
         Self { shift: 0.0, interval, order, function }
     }
-    /// The raw density of an opacity of 1e-10. Renderers need not look at cells whose corners are
-    /// all at or below it, and bakes give don't-care nodes at most this value.
+    /// The raw density of an opacity of 1e-10. Renderers can skip cells whose corners are all at or
+    /// below it, and bakes give don't-care nodes at most this value.
     pub fn invisible_raw(&self) -> f32 {
         self.raw_at_opacity(INVISIBLE_OPACITY) as f32
     }
@@ -63,7 +63,7 @@ impl Activation {
         }
     }
 
-    /// Opacity over one interval of a raw density, 0 to 1. It never falls where raw densities rise.
+    /// Opacity over one interval of a raw density, 0 to 1. Monotone in raw density.
     pub fn opacity(&self, raw: f64) -> f64 {
         -libm::expm1(-self.density(raw) * f64::from(self.interval))
     }
@@ -78,8 +78,8 @@ impl Activation {
         }
     }
 
-    /// Raw density of a node that is not there. For logits it is far below any threshold, and the
-    /// value that invisible nodes of trained scenes hold.
+    /// Raw density of a missing node. For logits, it is far below any threshold, and the value of
+    /// invisible nodes in trained scenes.
     pub fn empty_raw(&self) -> f32 {
         match self.function {
             DensityFunction::Softplus => EMPTY_LOGIT,
@@ -88,7 +88,7 @@ impl Activation {
     }
 }
 
-/// Voxels of level 0, which has so many `nodes` in `bounds`, along the edges of a box around it.
+/// Voxels of level 0, which has this many `nodes` in `bounds`, along the edges of a box around it.
 pub fn voxels_along(nodes: Nodes, bounds: &Bounds, outer: &Bounds) -> [f64; 3] {
     let (own, outer_extent) = (bounds.extent(), outer.extent());
     std::array::from_fn(|axis| {
@@ -102,8 +102,8 @@ pub fn voxels_along(nodes: Nodes, bounds: &Bounds, outer: &Bounds) -> [f64; 3] {
 }
 
 impl March {
-    /// Steps of this length in voxels, through all of the box and from the camera on, of which all
-    /// count.
+    /// Steps of this length in voxels through the whole box, starting at the camera, without
+    /// thresholds.
     pub const fn new(stepsize: f32, voxel_size: f32) -> Self {
         Self {
             stepsize,
@@ -119,11 +119,11 @@ impl March {
 
     /// Samples that a ray may have, at most: `floor(|(Nx+1, Ny+1, Nz+1)| / stepsize)` for level 0's
     /// nodes. The largest grids have half as many at a step of a quarter of a voxel, and the viewer
-    /// counts samples in f32, whose whole numbers end at 2^24.
+    /// counts samples in f32, which represents integers exactly only up to 2^24.
     pub const MAX_SAMPLES: u32 = 1 << 20;
 
-    /// Steps of level 0 through the outermost of nested boxes, at most. Samples are farther apart in
-    /// the larger boxes, so a ray has far fewer; numbers of steps are whole numbers of f32.
+    /// Steps of level 0 through the outermost of nested boxes, at most. Samples are farther apart
+    /// in the larger boxes, so a ray has far fewer; step numbers must be exact in f32.
     pub const MAX_NESTED_STEPS: u32 = 1 << 24;
 
     /// The interval that opacities are stated over, in world units.
@@ -164,13 +164,13 @@ impl March {
         (0..3).all(within)
     }
 
-    /// The number of a ray's last sample, in a field whose level 0 has so many nodes.
+    /// The number of a ray's last sample, in a field whose level 0 has this many nodes.
     pub fn last_sample(&self, nodes: Nodes) -> f64 {
         let [x, y, z] = nodes.0.map(|size| size as f64 + 1.0);
         ((x * x + y * y + z * z).sqrt() / f64::from(self.stepsize)).floor()
     }
 
-    /// The same in nested boxes, of which this is the outermost: no ray has more steps in it.
+    /// The same in nested boxes, of which this is the outermost: an upper bound for all rays.
     pub fn last_nested_sample(&self, outer: &Bounds) -> f64 {
         let edges = self.voxel.unwrap_or([self.voxel_size; 3]);
         let squares = outer.extent().into_iter().zip(edges).map(|(extent, edge)| {
@@ -180,7 +180,7 @@ impl March {
         (squares.sum::<f64>().sqrt() / f64::from(self.stepsize)).floor() + 1.0
     }
 
-    /// Refuses steps that no ray can take: lengths that are not positive, and those of more than
+    /// Refuses invalid steps: lengths that are not positive, and those with more than
     /// [`Self::MAX_SAMPLES`].
     ///
     /// # Errors
@@ -189,8 +189,8 @@ impl March {
         self.check_steps(self.last_sample(nodes), Self::MAX_SAMPLES)
     }
 
-    /// The same in nested boxes, of at most [`Self::MAX_NESTED_STEPS`]. Level 0 has so many `nodes`
-    /// in `bounds`; the outermost box is `outer`.
+    /// The same in nested boxes, of at most [`Self::MAX_NESTED_STEPS`]. Level 0 has this many
+    /// `nodes` in `bounds`; the outermost box is `outer`.
     ///
     /// # Errors
     /// `Malformed`, with the key as its place.

@@ -30,7 +30,8 @@ impl ViewDependence {
         }
     }
 
-    /// Refuses view dependence that does not fit a field of `features` colour channels beyond three.
+    /// Refuses view dependence that does not fit a field of `features` colour channels beyond
+    /// three.
     ///
     /// # Errors
     /// `Malformed`, or `Unsupported` for networks that run at every sample.

@@ -1,4 +1,4 @@
-//! View-dependent colour: a tiny network, evaluated once a ray.
+//! View-dependent colour: a tiny network, evaluated once per ray.
 //!
 //! ```text
 //! e   = [d, sin(2^k d), cos(2^k d)], k = 0..frequencies
@@ -101,7 +101,7 @@ fn input_of(
             "layers that join, with 3 outputs at the end",
         ));
     };
-    // Both are small wherever they were checked; where not, no width fits.
+    // Both are small if they were checked; otherwise no width fits.
     let embedding = frequencies.saturating_mul(6).saturating_add(3);
     match first.checked_sub(embedding) {
         Some(rest) if rest == features.saturating_add(3) => Ok(ViewInput::DiffuseAndFeatures),
@@ -120,7 +120,7 @@ fn input_of(
     }
 }
 
-/// Memory of [`ViewMlp::differentiate`], which calls use again.
+/// Reusable memory of [`ViewMlp::differentiate`].
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     /// Inputs of layers, then the output.
@@ -139,8 +139,8 @@ fn apply(layer: &Layer, input: &[f32], is_last: bool, output: &mut [f32]) {
     }
 }
 
-/// Adds the derivative by a layer's input, where that by its output, before its last function, is
-/// `by`.
+/// Adds the derivative by a layer's input, given the derivative `by` by its output before the
+/// activation.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn apply_transposed(layer: &Layer, by: &[f32], by_input: &mut [f32]) {
     for (weights, by) in layer.weights.chunks_exact(layer.inputs).zip(by) {
@@ -148,7 +148,7 @@ fn apply_transposed(layer: &Layer, by: &[f32], by_input: &mut [f32]) {
     }
 }
 
-/// The sum of products, in eight sums side by side.
+/// The dot product, as eight parallel sums.
 #[inline(always)]
 fn dot(weights: &[f32], values: &[f32]) -> f32 {
     let (weights, last_weights) = weights.as_chunks::<8>();
@@ -183,8 +183,8 @@ impl ViewMlp {
         self.through(values, 0)
     }
 
-    /// The part of the first layer's sums that a direction makes, which is the same for all values:
-    /// for [`Self::colors_of_sums`].
+    /// The direction's part of the first layer's sums, which does not depend on the values, for
+    /// [`Self::colors_of_sums`].
     pub fn direction_sums(&self, direction: [f64; 3]) -> Vec<f32> {
         let mut inputs = vec![0.0f32; self.embedding()];
         self.embed(direction, |i, value| inputs[i] = value as f32);
@@ -196,9 +196,9 @@ impl ViewMlp {
         rows.map(sum).collect()
     }
 
-    /// As [`Self::colors`], of directions by their [`Self::direction_sums`], which leaves a third of
-    /// the work. `accumulated` are the values of each ray, or the only ones of all. Sums are rounded
-    /// in another order.
+    /// As [`Self::colors`], from the [`Self::direction_sums`] of directions, which leaves a third
+    /// of the work. `accumulated` has the values of each ray, or common ones for all. Sums are
+    /// rounded in another order.
     pub fn colors_of_sums(&self, sums: &[&[f32]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
         let (embedding, skipped) = (self.embedding(), self.skipped());
         let Some(layer) = self.layers.first() else { return [[0.0; 3]; RAYS] };
@@ -233,7 +233,7 @@ impl ViewMlp {
         }
     }
 
-    /// Values before a layer, through it and the rest of them.
+    /// Propagates values through this and all following layers.
     fn through(&self, mut values: Vec<[f32; RAYS]>, first: usize) -> [[f32; 3]; RAYS] {
         for (number, layer) in self.layers.iter().enumerate().skip(first) {
             let is_last = number + 1 == self.layers.len();
@@ -279,7 +279,7 @@ impl ViewMlp {
             by_input.clear();
             by_input.resize(layer.inputs, 0.0);
             apply_transposed(layer, &after[0], by_input);
-            // If a relu lets nothing through, the layers before it have no effect.
+            // If a relu is 0 everywhere, the layers before it have no effect.
             if number > 0 {
                 let closed = by_input.iter_mut().zip(&values[number]).filter(|(_, v)| **v <= 0.0);
                 closed.for_each(|(by, _)| *by = 0.0);
@@ -353,7 +353,7 @@ mod tests {
             };
             let error = |got: [f32; 3]| [0, 1, 2].map(|c| got[c] - target[c]);
             let mut workspace = Workspace::default();
-            // What a call leaves in its memory is nothing to the next one.
+            // Old content of the memory does not affect the next call.
             for _ in 0..2 {
                 let mut by = [9.0; 7];
                 let errors =

@@ -1,4 +1,4 @@
-//! One block of a slab of codes to a frame.
+//! Cuts one block of a slab of codes to a frame.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub struct BlockSource<'a> {
 }
 
 impl<'a> BlockSource<'a> {
-    /// First and end node of a block of `edge` along each axis, as far as the grid goes.
+    /// First and end node of a block of `edge` along each axis, clamped to the grid.
     fn span(&self, edge: usize) -> [Range<usize>; 3] {
         let sizes = self.retained.nodes().0;
         [0, 1, 2].map(|axis| {
@@ -33,7 +33,7 @@ impl<'a> BlockSource<'a> {
         })
     }
 
-    /// Rows of the block along z that the grid has: x, y, and where in the block they start.
+    /// Rows of the block along z within the grid: x, y, and their offset in the block.
     fn places(&self, edge: usize) -> impl Iterator<Item = (usize, usize, usize)> + Clone {
         let [xs, ys, _] = self.span(edge);
         let first = [xs.start, ys.start];
@@ -41,7 +41,7 @@ impl<'a> BlockSource<'a> {
         xs.flat_map(move |x| ys.clone().map(move |y| (x, y, at(x, y))))
     }
 
-    /// Copies the codes of a channel of the slab. Those of nodes that the grid does not have stay.
+    /// Copies the codes of a channel of the slab. Codes of nodes outside the grid stay.
     fn copy<T: Code>(&self, edge: usize, channel: usize, codes: &mut [T]) {
         let [xs, ys, zs] = self.span(edge);
         let nz = self.retained.nodes().0[2];
@@ -63,7 +63,7 @@ impl<'a> BlockSource<'a> {
         retained.into()
     }
 
-    /// True for each node of a block of `edge` that the grid has.
+    /// True for each node of a block of `edge` within the grid.
     pub fn own_nodes(&self, edge: usize) -> Arc<[bool]> {
         let mut own = vec![false; edge.pow(3)];
         let [_, _, zs] = self.span(edge);
@@ -105,7 +105,7 @@ impl BlockEncoder {
         self.shape
     }
 
-    /// The highest code of don't-care nodes: they must not become visible.
+    /// The highest code of don't-care nodes, which must stay invisible.
     pub fn dont_care_max(&self) -> u32 {
         self.dont_care_max
     }
@@ -139,7 +139,7 @@ impl BlockEncoder {
     }
 }
 
-/// Copies a row; of eight, the usual number, without a call for so few.
+/// Copies a row; inlined for eight, the usual number.
 #[inline(always)]
 fn copy_row<T: Copy>(row: &[T], to: &mut [T]) {
     match (<&[T; 8]>::try_from(row), to.first_chunk_mut()) {
@@ -148,7 +148,7 @@ fn copy_row<T: Copy>(row: &[T], to: &mut [T]) {
     }
 }
 
-/// The highest code whose value is at most `limit`; the lowest of all if none is.
+/// The highest code with a value of at most `limit`; the lowest code if there is none.
 fn highest_code_up_to(encoding: &Encoding, limit: f32) -> u32 {
     let (mut codes, mut values) = ([0u32], [0.0]);
     Quantizer::new(encoding.clone()).encode(&[limit], &mut codes);

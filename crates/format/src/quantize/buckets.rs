@@ -1,35 +1,35 @@
-//! The codes of values by a table of buckets.
+//! Looks up the codes of values in a table of buckets.
 //!
-//! A value's distance from the middle, raised by a bias, is cut to its exponent and a few digits:
-//! that is the number of its bucket. Numbers of buckets never fall as values grow, and no bucket
-//! has two borders between codes. So a value's code is the number of borders in the buckets below,
-//! and one more if the value has reached the border of its own bucket.
+//! A bucket's number is the value's distance from the middle plus a bias, truncated to its exponent
+//! and a few bits. Bucket numbers are monotone in the value, and no bucket has two borders between
+//! codes. So a value's code is the number of borders in the buckets below, plus one if the value
+//! has reached the border of its own bucket.
 
 use multiversion::multiversion;
 
 use super::code_word::Code;
 use crate::model::baked::Encoding;
 
-/// Buckets of a table. It takes 5 KiB, which the nearest cache holds.
+/// Buckets of a table, which takes 5 KiB and fits into the first-level cache.
 const BUCKETS: usize = 1024;
 /// Values that are looked up together.
 const RUN: usize = 256;
-/// Digits of a bucket's number below its exponent, in bits. The fewest that do are taken.
+/// Candidate numbers of mantissa bits in a bucket's number; the smallest sufficient one is used.
 const DIGITS: std::ops::RangeInclusive<u32> = 2..=8;
-/// Powers of two, in steps of codes, that the bias may be.
+/// Candidate biases as powers of two, in steps of codes.
 const BIASES: std::ops::Range<i32> = 0..10;
 
 /// Borders between codes, by bucket.
 #[derive(Debug, Clone)]
 pub struct Buckets {
     place: Place,
-    /// The border in each bucket; where there is none, no number, which no value reaches.
+    /// The border in each bucket, or NaN without a border, which no value reaches.
     borders: Box<[f32; BUCKETS]>,
-    /// Borders in the buckets below each.
+    /// Number of borders in the buckets below each.
     below: Box<[u8; BUCKETS]>,
 }
 
-/// Values to numbers of buckets.
+/// The mapping from values to buckets.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     center: f32,
@@ -37,9 +37,9 @@ struct Place {
     lowest: f32,
     highest: f32,
     bias: f32,
-    /// Bits that are cut off.
+    /// Number of truncated bits.
     cut: u32,
-    /// The cut bits of the bias.
+    /// The truncated bias.
     first: i32,
 }
 
@@ -56,7 +56,7 @@ impl Place {
         }
     }
 
-    /// The bucket of a value, counted from the middle. A value that is no number is in the lowest.
+    /// The bucket of a value, counted from the middle. NaN is in the lowest.
     #[inline(always)]
     fn off_middle(&self, value: f32) -> i32 {
         let inside = value.max(self.lowest).min(self.highest);
@@ -66,7 +66,7 @@ impl Place {
         bucket ^ -i32::from(inside < self.center)
     }
 
-    /// The number of a value's bucket, of those that are few enough.
+    /// The number of a value's bucket, clamped to the table.
     #[inline(always)]
     fn bucket(&self, value: f32) -> u16 {
         ((self.off_middle(value) + (BUCKETS / 2) as i32) as usize % BUCKETS) as u16
@@ -80,8 +80,8 @@ impl Place {
 }
 
 impl Buckets {
-    /// For at most 256 codes of an encoding, between which these ascending `borders` lie. None if
-    /// no table has a bucket for each.
+    /// For at most 256 codes of an encoding with these ascending `borders`. None if no table has a
+    /// bucket for each border.
     pub fn new(encoding: &Encoding, borders: &[f32]) -> Option<Self> {
         if borders.len() > usize::from(u8::MAX) {
             return None;
@@ -118,7 +118,7 @@ fn codes_of<T: Code>(table: &Buckets, values: &[f32], codes: &mut [T]) {
     let place = table.place;
     let (borders, below) = (&*table.borders, &*table.below);
     for (values, codes) in values.chunks(RUN).zip(codes.chunks_mut(RUN)) {
-        // Vectors do the first loop; the second one takes numbers of the table one by one.
+        // The first loop is vectorized; the second one reads the table one by one.
         let mut buckets = [0; RUN];
         for (bucket, &value) in buckets.iter_mut().zip(values) {
             *bucket = place.bucket(value);

@@ -1,11 +1,11 @@
-//! Coarser values for nodes that pictures hardly show.
+//! Coarsens values of hardly visible nodes.
 //!
-//! A node may take the mean of its lower neighbours (the one that prediction uses), in all channels
-//! of its group at once, if each of its codes is so near to it as its importance allows. Such nodes
-//! are not live ([`super::run`]) and cost next to nothing; the others keep their codes. To round
-//! those too, to fewer codes, would save little: a code off the mean costs nearly as much rounded
-//! as exact. Distances are counted in codes, not in colours. Interpolation works on codes' values,
-//! and beside a node where the activation is flat may be one where it is steep.
+//! A node may take the mean of its lower neighbours (as in prediction) in all channels of its group
+//! at once, if each of its codes is as close to the mean as its importance requires. Such nodes are
+//! not live ([`super::run`]) and cost almost nothing; the others keep their codes. Rounding those
+//! to fewer codes would save little: a code off the mean costs nearly as much rounded as exact.
+//! Distances are measured in codes, not in colours, because values are interpolated before
+//! activation, and a node with a flat activation may be next to one with a steep one.
 
 use super::code_word::Code;
 use super::frame::FrameShape;
@@ -18,8 +18,8 @@ use crate::model::scene::Activation;
 pub struct Coarsening<'a> {
     /// Of each node of the block; 1 is the mean of its level.
     pub importance: &'a [f32],
-    /// Codes that a node of importance 1 may be moved by. Distances grow with one over the root of
-    /// importance, so that every node adds as much to the squared error of pictures.
+    /// Codes by which a node of importance 1 may move. Distances grow with 1 / sqrt(importance), so
+    /// that every node adds the same amount to the squared error of pictures.
     pub coarseness: f32,
 }
 
@@ -31,7 +31,7 @@ pub struct Coarsener {
 }
 
 impl Coarsener {
-    /// Of integer codes; floats stay as they are.
+    /// For integer codes; floats do not change.
     pub fn new(encoding: &Encoding, activation: &Activation) -> Option<Self> {
         let activated = |value: f32| encoding.decode.activated(value.into(), activation);
         let is_integer = !encoding.number.is_float();
@@ -86,7 +86,7 @@ mod tests {
     use crate::model::baked::NumberType;
     use crate::quantize::{Bits, color_encoding};
 
-    /// The mean of the lower neighbours, as the specification says it.
+    /// The mean of the lower neighbours, directly from the specification.
     fn plain_mean(codes: &[u8], edge: usize, node: usize) -> i64 {
         let steps = [edge * edge, edge, 1];
         let lower = steps.iter().filter(|&&step| !(node / step).is_multiple_of(edge));

@@ -4,8 +4,8 @@ use super::code_word::Code;
 use super::nearest::Nearest;
 use crate::model::baked::{Codes, Encoding, NumberType, with_codes};
 
-/// Finds codes of values: the nearest for integers, emptiness being one of the candidates where it
-/// has a code; the ordered bits for floats ([`float_code`]).
+/// Finds codes of values: the nearest for integers, including the code of emptiness if there is
+/// one; the ordered bits for floats ([`float_code`]).
 #[derive(Debug, Clone)]
 pub struct Quantizer {
     encoding: Encoding,
@@ -72,8 +72,9 @@ pub fn decode_codes(
     });
 }
 
-/// A float's bits as a number that grows with the float: the sign bit is flipped, and of negative
-/// numbers all others too. Neighbouring values then have neighbouring codes, which predict well.
+/// A float's bits as a number that grows with the float: the sign bit is flipped, and for negative
+/// numbers all other bits too. Neighbouring values then have neighbouring codes, which predict
+/// well.
 pub fn float_code(bits: u32, width: u32) -> u32 {
     let sign = 1 << (width - 1);
     let all = u32::MAX >> (32 - width);

@@ -6,18 +6,18 @@ use std::ops::{Add, Mul, Shr, Sub};
 
 use crate::model::baked::{Codes, NumberType};
 
-/// A code as it is stored: `u8`, `u16` or `u32`.
+/// A stored code: `u8`, `u16` or `u32`.
 pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
-    /// Holds sums of codes times weights in 32nds, modulo the code's width.
+    /// Type for sums of codes times weights in 32nds, modulo the code's width.
     type Wide: Wide;
-    /// Holds sums of products of two terms of predictions: whole numbers where they are exact.
+    /// Type for sums of products of two terms of predictions: an integer if that is exact.
     type Sum: Sum;
-    /// Nodes whose products such a sum holds.
+    /// Number of nodes whose products fit into such a sum.
     const SUMMED: usize;
     /// Bytes of a code.
     const BYTES: usize;
 
-    /// The codes, if they are of this type; else none.
+    /// The codes, if they have this type.
     fn of(codes: &Codes) -> &[Self];
     /// The same number.
     fn wide(self) -> Self::Wide;
@@ -27,10 +27,10 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     fn wrap(wide: Self::Wide) -> Self;
     /// A third of the sum of three codes, rounded down.
     fn third(sum: Self::Wide) -> Self;
-    /// Half of each byte's range, which stored residuals are raised by: then small residuals of
+    /// Half of each byte's range, which is added to stored residuals, so that small residuals of
     /// either sign have the same upper bytes.
     fn bias() -> Self::Wide;
-    /// Itself where `mask` has all bits, `other` where it has none.
+    /// Itself if all bits of `mask` are set, `other` if none is.
     fn choose(self, other: Self, mask: Self) -> Self;
     /// All bits if `set`, else itself.
     fn with_all_if(self, set: bool) -> Self;
@@ -51,8 +51,8 @@ pub trait Code: Copy + Default + Debug + Ord + Send + Sync + 'static {
     }
 }
 
-/// A signed number wider than a code. Sums and differences of a few codes are exact; where products
-/// are not, they are right in all the bits that a prediction is made of.
+/// A signed number wider than a code. Sums and differences of a few codes are exact; products are
+/// exact at least in all bits that predictions use.
 pub trait Wide:
     Copy
     + Default
@@ -68,7 +68,7 @@ pub trait Wide:
     fn from_i8(weight: i8) -> Self;
 }
 
-/// A number that products are added up in.
+/// An accumulator for products.
 pub trait Sum: Copy + Default + Debug + Add<Output = Self> + Mul<Output = Self> {
     /// Its size.
     fn size(self) -> Self;
@@ -169,10 +169,10 @@ macro_rules! code {
     };
 }
 
-// Of a prediction of u8 only the low 8 bits count, which are the 13 lowest of sums in 32nds: all
-// vectors need is 16. The upper half of a product stands for the division: exact up to 765, and
-// vectors have no division.
-// A term of u8 is at most three codes' difference, 765: 3,000 squares of it fit 31 bits.
+// Of a u8 prediction, only the low 8 bits count, which are the 13 lowest of sums in 32nds, so 16
+// bits suffice for vectors. The upper half of a product replaces the division, which vectors lack:
+// exact up to 765. A term of u8 is at most three codes' difference, 765: 3,000 squares of it fit 31
+// bits.
 code!(u8, U8, i16, i32, 3000, 0x80, |sum| ((sum as u16 as u32 * 21_846) >> 16) as i16);
 code!(u16, U16, i32, f64, usize::MAX, 0x8080, |sum| sum / 3);
 code!(u32, U32, i64, f64, usize::MAX, 0x8080_8080, |sum| sum / 3);

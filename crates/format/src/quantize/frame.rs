@@ -38,7 +38,7 @@ impl FrameShape {
         (0..self.channels).map(terms).sum()
     }
 
-    /// The most bytes that a run of so many frames can have.
+    /// The most bytes that a run of this many frames can have.
     pub fn max_bytes(&self, frames: usize) -> Option<usize> {
         let frame_bytes = self.bytes() + self.live_bytes() + 1;
         frames.checked_mul(frame_bytes)?.checked_add(1 + 255 * self.weights())
@@ -55,7 +55,7 @@ pub(super) fn terms(channel: usize) -> usize {
 pub struct Frame {
     /// `[channel][node]`.
     pub codes: Codes,
-    /// For each node, true if its codes count; the others hold the cheapest codes.
+    /// For each node, true if its codes count; the others have the cheapest codes.
     pub retained: Arc<[bool]>,
 }
 
@@ -85,7 +85,7 @@ pub(super) fn lane_weights<T: Code, const L: usize>(
     out
 }
 
-/// The channels that predictions of `channel` look at.
+/// The channels that predictions of `channel` use.
 pub(super) fn before<T: Code, const L: usize>(
     channels: &[Channel<T, L>],
     channel: usize,

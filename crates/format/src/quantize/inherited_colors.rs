@@ -1,9 +1,9 @@
 //! Colours of inherited blocks, interpolated from the next coarser level.
 //!
-//! An inherited block has no colours of its own. Each of its nodes gets the next coarser level's
-//! decoded colours at the same place of the box, interpolated in f64 and then given the nearest
-//! code of its own level. So all codes of a level are of the same kind. Everything is exact or
-//! rounded once to f64, in a stated order: `formats/mipvog.md`, section 5.
+//! An inherited block has no stored colours. Each of its nodes gets the next coarser level's
+//! decoded colours at the same place of the box, interpolated in f64 and then rounded to the
+//! nearest code of its own level, so that all codes of a level are of the same kind. Everything is
+//! exact or rounded once to f64, in a specified order: `formats/mipvog.md`, section 5.
 
 use crate::base::parallel;
 use crate::model::baked::{
@@ -21,7 +21,7 @@ pub struct InheritedColors<'a> {
     grid: BlockGrid,
     channels: usize,
     number: NumberType,
-    /// Halfway between the values of neighbouring codes of the level that inherits.
+    /// Midpoints between the values of neighbouring codes of the inheriting level.
     borders: Vec<f64>,
     coarser: BlockGrid,
     /// Of each of the coarser level's blocks.
@@ -37,8 +37,8 @@ pub struct InheritedColors<'a> {
 type Tap = (usize, f64);
 
 impl<'a> InheritedColors<'a> {
-    /// Of blocks of `level` from `coarser`, whose metadata is `coarser_metadata`; none where a
-    /// level does not have the group's `channels` in integer codes.
+    /// For blocks of `level` from `coarser`, whose metadata is `coarser_metadata`; none if a level
+    /// does not have the group's `channels` in integer codes.
     pub fn new(
         level: &LevelMetadata,
         (coarser_metadata, coarser): (&LevelMetadata, &'a BakedLevel),
@@ -70,7 +70,7 @@ impl<'a> InheritedColors<'a> {
         })
     }
 
-    /// The codes of a block, `[channel][node]`; 0 of nodes that the grid does not have.
+    /// The codes of a block, `[channel][node]`; 0 for nodes outside the grid.
     pub fn block(&self, place: [usize; 3]) -> Vec<u32> {
         let edge = self.grid.edge;
         let axes = [0, 1, 2].map(|axis| self.axis(axis, place[axis]));

@@ -1,9 +1,9 @@
-//! Numbers of several blocks, block by block or node by node.
+//! Transposes numbers of several blocks between block order and node order.
 //!
-//! Rows hold a block each, lanes the same node of `L` blocks, a power of two. Tiles of eight nodes
-//! are turned at a time, in steps. Each step takes numbers from two halves by turns, so that the
-//! first binary digit of a number's place becomes the last. Vectors have instructions for that,
-//! where strides through memory take one number at a time.
+//! Rows hold one block each, lanes the same node of `L` blocks, a power of two. Tiles of eight
+//! nodes are transposed at a time, in steps. Each step interleaves two halves, which moves the
+//! first bit of an index to the end. Vectors have instructions for this, while strided access reads
+//! one number at a time.
 
 use multiversion::multiversion;
 
@@ -12,10 +12,11 @@ use super::code_word::Code;
 /// Nodes of a tile.
 const TILE: usize = 8;
 /// Tiles of a row that are read or written at once: whole cache lines. Rows are often a power of
-/// two apart, and then lines of different rows drive each other out of a cache.
+/// two apart, so that lines of different rows evict each other from a cache.
 const TILES: usize = 8;
 
-/// Rows to lanes. There are at most `L` rows, each as long as `lanes`; lanes without a row stay.
+/// Transposes rows to lanes. There are at most `L` rows, each as long as `lanes`; lanes without a
+/// row do not change.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn spread<T: Code, const L: usize>(rows: &[&[T]], lanes: &mut [[T; L]]) {
     let mut tiles = [[[T::default(); TILE]; TILES]; L];
@@ -40,7 +41,7 @@ pub fn spread<T: Code, const L: usize>(rows: &[&[T]], lanes: &mut [[T; L]]) {
     }
 }
 
-/// Lanes to rows of `nodes` numbers, `stride` apart; there are at most `L`.
+/// Transposes lanes to at most `L` rows of `nodes` numbers, `stride` apart.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn gather<T: Code, const L: usize>(
     lanes: &[[T; L]],
@@ -98,8 +99,8 @@ fn to_rows<T: Code, const L: usize>(
     }
 }
 
-/// Moves so many first binary digits of each number's place behind the others. The result is in the
-/// tile or in its spare.
+/// Rotates the index bits of each number by this many places. The result is in the tile or in its
+/// spare.
 #[inline(always)]
 fn turn<'a, T: Copy>(mut tile: &'a mut [T], mut spare: &'a mut [T], digits: u32) -> &'a [T] {
     for _ in 0..digits {

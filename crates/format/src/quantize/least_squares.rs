@@ -3,8 +3,8 @@
 use super::predict::WEIGHTS;
 use super::sums::PRODUCTS;
 
-/// The weights, in 32nds, whose predictions are nearest, from the sums of products of terms
-/// ([`super::sums::Sums`]). A term that says nothing beyond those before it gets 0.
+/// The least-squares weights of predictions, in 32nds, from the sums of products of terms
+/// ([`super::sums::Sums`]). A term that depends linearly on those before it gets 0.
 pub fn weights(products: &[f64; PRODUCTS], terms: usize) -> [i8; WEIGHTS] {
     let product = |row: usize, column: usize| products[row * (row + 1) / 2 + column];
     // The decomposition L D L^T, and L z = the products with the predicted value, on the way.
@@ -18,7 +18,8 @@ pub fn weights(products: &[f64; PRODUCTS], terms: usize) -> [i8; WEIGHTS] {
                 lower[row][column] =
                     if diagonal[column] > 0.0 { left / diagonal[column] } else { 0.0 };
             } else {
-                // A remainder of rounding error is no term: the other terms explain it.
+                // A remainder that is only rounding error is not a term: the other terms explain
+                // it.
                 diagonal[row] = if left > 1e-9 * product(row, row) { left } else { 0.0 };
             }
         }

@@ -1,13 +1,13 @@
-//! Encodings whose codes follow from the values: linear colours, coefficients of harmonics,
-//! directional brightness, anisotropy, and densities that are no logits. Their values know no
-//! bounds, so codes are laid over their range.
+//! Encodings that depend on the values: linear colours, coefficients of harmonics, directional
+//! brightness, anisotropy, and densities that are not logits. Their values are unbounded, so codes
+//! cover their range.
 //!
-//! Codes of colours are equally far apart, and 0 is one of them: a code's move shows as much
-//! anywhere. Coefficients of all harmonics get the same step, since each function has the same mean
-//! square over all directions: so many bits then give the least squared error of colours. Within a
-//! given error, each band gets the step by which it moves a colour by that error, in the direction
-//! in which it moves most. Codes of densities lie around 0, where opacity is steepest, and grow
-//! sparse to both sides.
+//! Codes of colours are uniformly spaced, and 0 is one of them, because a code's change is equally
+//! visible everywhere. With given bits, coefficients of all harmonics get the same step, which
+//! minimizes the squared error of colours, because each function has the same mean square over all
+//! directions. With a given error, each band gets the step that changes a colour by that error in
+//! the worst direction. Codes of densities lie around 0, where opacity is steepest, and grow sparse
+//! to both sides.
 
 use super::range::{
     self, Bits, Domain, LARGEST, OPACITY_ERROR, bound, float_encoding, is_laid_over_values,
@@ -29,7 +29,7 @@ const DIRECTIONAL_STEP: f64 = 0.0625;
 /// Step of anisotropy at 8 bits, in square roots of optical depth.
 const ANISOTROPY_STEP: f64 = 0.03125;
 
-/// The encoding of so many bits for the values in `span`, where [`is_laid_over_values`].
+/// The encoding of this many bits for the values in `span`, if [`is_laid_over_values`].
 pub fn encoding_over(
     bits: Bits,
     decode: Decode,
@@ -58,16 +58,16 @@ pub fn encoding_over(
     }
 }
 
-/// The encoding of linear colours with the fewest bits within `max_error`; numbers where 16 bits
-/// cannot.
+/// The encoding of linear colours with the fewest bits within `max_error`; floats if 16 bits do not
+/// suffice.
 pub(super) fn colors_within(
     max_error: f32,
     decode: Decode,
     activation: &Activation,
     span: &ValueRange,
 ) -> Encoding {
-    // A hair less than the error: codes' values and borders are rounded, each by up to 2^-24 of
-    // the largest value.
+    // Slightly less than the error, because values and borders of codes are rounded, each by up to
+    // 2^-24 of the largest value.
     let [low, high] = ends(span);
     let largest = decode.activated(low.abs().max(high.abs()), activation);
     let rounding = largest / f64::from(1u32 << 21);
@@ -77,8 +77,8 @@ pub(super) fn colors_within(
     kept.next().unwrap_or_else(|| as_numbers(Bits::F32, decode, activation, span))
 }
 
-/// Codes of so many bits at least a `step` of colour apart, and as far as the values ask for. A
-/// multiple of the step lies in the middle, so that 0 has a code wherever it is among the values.
+/// Codes of this many bits, spaced by at least `step` of colour and wide enough for the values. The
+/// middle is a multiple of the step, so that 0 has a code if it is in the range.
 fn equal_steps(
     step: f64,
     bits: u32,
@@ -91,7 +91,7 @@ fn equal_steps(
     let half = f64::from((1u32 << (bits - 1)) - 1);
     let gain = decode.activated(1.0, activation);
     let largest = low.abs().max(high.abs());
-    // The middle is up to half a step beside that of the values. Codes differ as f32 numbers.
+    // The middle is up to half a step from that of the values. Codes must be distinct f32 numbers.
     let needed = (high - low) / (2.0 * half - 1.0);
     let step = (step / gain).max(needed).max(largest / f64::from(1u32 << 22)) as f32;
     let middle = libm::round((low + high) / 2.0 / f64::from(step)) as f32;
@@ -108,25 +108,25 @@ fn bounded(mut encoding: Encoding, activation: &Activation, span: &ValueRange) -
     encoding
 }
 
-/// An encoding of numbers themselves.
+/// A float encoding.
 fn as_numbers(bits: Bits, decode: Decode, activation: &Activation, span: &ValueRange) -> Encoding {
     let [low, high] = ends(span);
     let largest = low.abs().max(high.abs());
     let most = match decode.density() {
-        // Opacity moves by at most the slope times the move.
+        // The change of opacity is at most the slope times the change of the value.
         Some(_) => largest * slope(activation),
         None => decode.activated(largest, activation),
     };
     let ends = half::f16::MAX.to_f64();
     let activated = |value: f64| match decode.density() {
         Some(_) => decode.activated(value, activation),
-        // Of colours only those that are there.
+        // For colours, only the present ones.
         None => decode.activated(value.min(largest.max(ends)), activation),
     };
     float_encoding(bits, decode, Domain::of(decode, activation).empty, most, activated)
 }
 
-/// The lowest and the highest value; 0 where there are none.
+/// The lowest and the highest value; 0 if there are none.
 fn ends(span: &ValueRange) -> [f64; 2] {
     span.ends().unwrap_or_default().map(f64::from)
 }
@@ -136,7 +136,7 @@ fn slope(activation: &Activation) -> f64 {
     activation.interval.into()
 }
 
-/// The encoding that is planned before the values are known: their bits alone count.
+/// A placeholder encoding before the values are known; only its bits count.
 pub fn planned_encoding(bits: Bits, decode: Decode, activation: &Activation) -> Encoding {
     match decode {
         Decode::Logit => range::color_encoding(bits),

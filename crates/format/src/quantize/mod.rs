@@ -1,14 +1,15 @@
 //! Values to codes, plane by plane, and blocks of codes to bytes that compress well.
 //!
-//! [`range`] picks the encoding of a level's group and proves its error bound, [`linear`] that of
-//! values without bounds, [`search`] the one with the fewest bits within an error, [`code`] turns
-//! values into integer codes and back ([`nearest`], [`buckets`]), [`planes`] those of whole planes,
-//! [`block`] cuts frames from them, [`coarsen`] drops some of them at nodes that pictures hardly
-//! show, [`inherited_colors`] makes them from the
-//! next coarser level's, [`run`] turns the codes of many blocks into a run of residuals and back
-//! ([`write_run`], [`read_run`]), from predictions ([`predict`]) whose weights are fitted to it
-//! ([`modes`], [`least_squares`]). Don't-care nodes hold the cheapest value, the mean of their neighbours, but
-//! density far below the opacity threshold ([`crate::model::scene::Activation::invisible_raw`]).
+//! Encodings: [`range`] picks the encoding of a level's group and proves its error bound,
+//! [`linear`] does so for unbounded values, and [`search`] finds the fewest bits within an error.
+//! Codes: [`code`] converts values to integer codes and back ([`nearest`], [`buckets`]), [`planes`]
+//! converts whole planes, [`block`] cuts frames from them, [`coarsen`] simplifies codes of hardly
+//! visible nodes, and [`inherited_colors`] makes codes from the next coarser level. Runs: [`run`]
+//! converts the codes of many blocks to a run of residuals and back ([`write_run`], [`read_run`]),
+//! with predictions ([`predict`]) whose weights are fitted to the run ([`modes`],
+//! [`least_squares`]). Don't-care nodes hold the cheapest value, the mean of their neighbours, but
+//! with density far below the opacity threshold
+//! ([`crate::model::scene::Activation::invisible_raw`]).
 
 mod block;
 mod buckets;

@@ -1,11 +1,11 @@
 //! The mode of each frame of a run, and the weights of each mode's predictions.
 //!
-//! Frames first come into modes by the mean distance of their codes from the means of their
-//! neighbours, so many into each. Then, a few times over, each mode gets the weights that fit its
-//! frames best, and each frame goes to the mode in which it takes the fewest bits. Bits are
-//! estimated as if misses of a mode's channel were normally distributed: they follow from sums of
-//! squared misses alone, and those from the sums that weights are fitted from ([`super::sums`]). So
-//! no code is looked at again.
+//! Frames are first sorted by the mean distance of their codes from the means of their neighbours,
+//! and divided equally among the modes. Then, several times, each mode gets the weights that fit
+//! its frames best, and each frame moves to the mode in which it takes the fewest bits. Bits are
+//! estimated as if residuals of a mode's channel were normally distributed, so they depend only on
+//! sums of squared residuals, which follow from the sums for fitting weights ([`super::sums`]). So
+//! no code is read again.
 
 use multiversion::multiversion;
 
@@ -14,13 +14,13 @@ use super::least_squares;
 use super::predict::WEIGHTS;
 use super::sums::{PRODUCTS, SAMPLED, Sums};
 
-/// Frames that a mode has at least at first, so that its weights and tables pay.
+/// Minimum initial frames of a mode, so that its weights and tables pay off.
 const FRAMES_OF_A_MODE: usize = 24;
-/// Modes of a run at most. With 12 bytes are the same.
+/// Maximum modes of a run. With 12, files have the same size.
 const MAX_MODES: usize = 8;
-/// Times that frames change their modes. Of 1.8 % of the bytes that six times save, four save 1.7.
+/// Number of reassignments of frames to modes. Six save 1.8 % of the bytes, four save 1.7 %.
 const REGROUPINGS: usize = 4;
-/// Mean square of a rounding error: misses are whole numbers.
+/// Mean square of a rounding error, because residuals are integers.
 const ROUNDING: f64 = 1.0 / 12.0;
 
 /// The weights of each channel's predictions.
@@ -36,7 +36,8 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// Of frames with so many live nodes, from the sums of each batch of `L` frames by channel.
+    /// For frames with these numbers of live nodes, from the sums of each batch of `L` frames by
+    /// channel.
     pub fn of<const L: usize>(
         shape: FrameShape,
         live_counts: &[usize],
@@ -57,7 +58,7 @@ impl Modes {
     }
 }
 
-/// What modes follow from.
+/// The inputs for choosing modes.
 struct Run<'a, const L: usize> {
     shape: FrameShape,
     live_counts: &'a [usize],
@@ -65,7 +66,7 @@ struct Run<'a, const L: usize> {
 }
 
 impl<const L: usize> Run<'_, L> {
-    /// Modes of equally many frames, by the mean distance of codes from the means.
+    /// Modes with equal numbers of frames, by the mean distance of codes from the means.
     fn modes_by_activity(&self) -> Vec<u8> {
         let frames = self.live_counts.len();
         let activity = |frame: usize| {
@@ -102,7 +103,7 @@ impl<const L: usize> Run<'_, L> {
         products.into_iter().map(solved).collect()
     }
 
-    /// For each frame the mode in which it takes the fewest bits; the first of several.
+    /// For each frame, the mode in which it takes the fewest bits; the first of equal ones.
     fn cheapest_modes(&self, modes: &[u8], weights: &[Weights]) -> Vec<u8> {
         let frames = self.live_counts.len();
         let sampled = |frame: usize| self.live_counts[frame] as f64 / SAMPLED as f64;
@@ -135,7 +136,7 @@ impl<const L: usize> Run<'_, L> {
     }
 }
 
-/// Factors of the sums of products whose total is the sum of squared misses.
+/// Factors on the sums of products that give the sum of squared residuals.
 fn square_factors(weights: &[i8; WEIGHTS]) -> [f64; PRODUCTS] {
     let part = |term: usize| weights.get(term).map_or(1.0, |&weight| -f64::from(weight) / 32.0);
     let mut factors = [0.0; PRODUCTS];
@@ -146,7 +147,7 @@ fn square_factors(weights: &[i8; WEIGHTS]) -> [f64; PRODUCTS] {
     factors
 }
 
-/// The sum of squared misses of each frame.
+/// The sum of squared residuals of each frame.
 #[multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn square_sums<const L: usize>(sums: &Sums<L>, factors: &[f64; PRODUCTS], squares: &mut [f64; L]) {
     *squares = [0.0; L];

@@ -3,11 +3,10 @@
 //! Up to 256 codes are looked up in a table ([`super::buckets`]).
 //!
 //! Codes are spaced by a cubic, `x (step + curve x^2)` from the middle, so the code of a value is
-//! near the root of a cubic. Of more codes, Halley's method finds it, and a comparison with the
-//! borders of the codes to the side of the value settles it. Borders are computed as they are
-//! defined, so the result follows from the encoding alone and not from the method that found the
-//! root. If the borders do not confirm a code (values that are no numbers, encodings whose steps
-//! are below the spacing of numbers), codes are searched for one by one.
+//! near the root of a cubic. With more codes, Halley's method finds the root, and a comparison with
+//! the adjacent borders decides. Borders are computed by definition, so the result depends only on
+//! the encoding, not on the method for the root. If the borders do not confirm a code (NaN, or
+//! steps below the spacing of floats), each code is searched individually.
 
 use multiversion::multiversion;
 
@@ -16,41 +15,41 @@ use super::code_word::Code;
 use crate::model::baked::Encoding;
 use crate::model::grid::row::LANES;
 
-/// Vectors that are looked at together; loops over whole ones leave no rest.
+/// Number of values in a batch, a multiple of all vector lengths.
 const RUN: usize = 16;
-/// Of the smaller of two bounds of a root, where the search for it starts: at most a quarter off.
+/// Factor on the smaller of two bounds of a root for the initial guess, which is off by at most a
+/// quarter.
 const START: f32 = 0.85;
-/// Steps towards a root. One leaves less than 1e-2 of it, two less than 1e-6.
+/// Iterations for a root. One leaves a relative error below 1e-2, two below 1e-6.
 const STEPS: usize = 2;
-/// Makes the cube root's exponent of a third of the number's.
+/// Corrects the cube root's exponent after division by three.
 const CUBE_ROOT_BIAS: u32 = 0x2a51_19f2;
-/// Adding it leaves whole numbers below 2^22 to nearest, in the low bits: vectors have no other
-/// conversion that Rust's rules for out-of-range numbers do not spoil.
+/// Adding it rounds to nearest and leaves integers below 2^22 in the low bits: other conversions
+/// are not vectorized, because of Rust's rules for out-of-range numbers.
 const WHOLE: f32 = (1u32 << 23) as f32;
 
-/// Finds the nearest codes of an encoding of integers: a value on the border between two gets the
-/// upper one.
+/// Finds the nearest codes of an integer encoding; a value on a border gets the upper code.
 #[derive(Debug, Clone)]
 pub struct Nearest {
     spacing: Spacing,
-    /// True if values are in the order of their codes; else roots say nothing.
+    /// True if values are in the order of their codes; otherwise roots are meaningless.
     ascends: bool,
     buckets: Option<Buckets>,
-    /// Between the values of neighbouring codes.
+    /// Borders between the values of neighbouring codes.
     borders: Vec<f32>,
 }
 
-/// The spacing of codes' values, as [`Encoding::value`] says.
+/// The spacing of codes' values, as in [`Encoding::value`].
 #[derive(Debug, Clone, Copy)]
 struct Spacing {
     center: f32,
     step: f32,
     curve: f32,
-    /// Codes a unit of value, at the middle.
+    /// Codes per unit of value, at the middle.
     codes_per_unit: f32,
-    /// Of `curve` to `step`.
+    /// Ratio of `curve` to `step`.
     ratio: f32,
-    /// One over it.
+    /// Its reciprocal.
     per_ratio: f32,
     /// The value of code 0.
     lowest: f32,
@@ -138,14 +137,14 @@ impl Spacing {
         if code > 0.0 { value } else { self.lowest }
     }
 
-    /// A code that is mostly right, and else beside the right one.
+    /// A code that is usually right, and otherwise next to the right one.
     #[inline(always)]
     fn guess(&self, value: f32) -> f32 {
         let from_center = value.max(self.lowest).min(self.highest) - self.center;
         // In steps: |x| + ratio |x|^3 = distance.
         let (distance, ratio) = (from_center.abs() * self.codes_per_unit, self.ratio);
         let cube_root = f32::from_bits((distance * self.per_ratio).to_bits() / 3 + CUBE_ROOT_BIAS);
-        // Both are too large, by half where they are equal.
+        // Both are upper bounds, too large by half if they are equal.
         let mut x = START * distance.min(cube_root);
         for _ in 0..STEPS {
             let bent = ratio * (x * x);
@@ -157,7 +156,7 @@ impl Spacing {
     }
 }
 
-/// Codes of values. `false` if not all of them are certain.
+/// Codes of values. Returns `false` if any is uncertain.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn nearest(spacing: &Spacing, values: &[[f32; LANES]], codes: &mut [[u32; LANES]]) -> bool {
     let mut uncertain = [0; LANES];
@@ -188,7 +187,8 @@ mod tests {
     use crate::model::scene::Activation;
     use crate::quantize::{Bits, color_encoding, density_encoding};
 
-    /// Holds codes to a search through all borders, for values on and around each and far from all.
+    /// Compares codes with a search through all borders, for values on and around each border and
+    /// far from all.
     fn hold(encoding: &Encoding) {
         let nearest = Nearest::new(encoding);
         let mut values = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-40];
@@ -196,7 +196,7 @@ mod tests {
         for &border in &nearest.borders {
             values.extend([border.next_down(), border, border.next_up(), border + 0.1]);
         }
-        // Values that are no numbers spoil a run; both with and without.
+        // NaN makes a batch uncertain; tests with and without.
         for values in [&values[..], &values[3..]] {
             let mut codes = vec![0u32; values.len()];
             nearest.codes(values, &mut codes);

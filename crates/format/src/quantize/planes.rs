@@ -1,8 +1,8 @@
 //! Planes of values to planes of codes.
 //!
-//! Values are quantized plane by plane, as soon as they are known and while they are in a
-//! processor's caches; codes are a quarter as large or less. They wait until all planes of a slab
-//! are there, and blocks are cut from them.
+//! Values are quantized plane by plane, while they are in a processor's caches; codes have at most
+//! a quarter of the size. Codes wait until all planes of a slab are complete, and blocks are cut
+//! from them.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
@@ -14,7 +14,7 @@ use crate::model::baked::{Codes, Encoding, with_codes};
 use crate::model::grid::{NodeMask, row};
 use crate::model::scene::Activation;
 
-/// Don't-care nodes, but fewer than these in a row are quantized too: stopping costs more.
+/// Shorter runs of don't-care nodes are quantized too, because splitting the loop costs more.
 const GAP: usize = 16;
 
 /// Quantizes the planes of a level from any thread.
@@ -23,7 +23,7 @@ pub struct CodePlanes<'a> {
     retained: &'a NodeMask,
     activation: Activation,
     channels: Vec<Channel>,
-    /// `[x][channel]`; empty before planes come and once they are taken.
+    /// `[x][channel]`; empty before planes arrive and after they are taken.
     planes: Vec<Vec<Mutex<Codes>>>,
 }
 
@@ -33,7 +33,7 @@ struct Channel {
     quantizer: Arc<Quantizer>,
     bound: Option<f32>,
     everywhere: bool,
-    /// Planes to be used again.
+    /// Planes for reuse.
     spare: Mutex<Vec<Codes>>,
 }
 
@@ -43,13 +43,13 @@ pub struct GroupCodes<'a> {
     pub encoding: &'a Encoding,
     /// Channels of a node.
     pub channels: usize,
-    /// The most that a colour or opacity may move, where there is a bound.
+    /// The largest allowed change of a colour or opacity, if bounded.
     pub bound: Option<f32>,
     /// True if all nodes are quantized, retained or not.
     pub everywhere: bool,
 }
 
-/// A value that its code moves too far.
+/// A value whose code exceeds the error bound.
 #[derive(Debug, Clone, Copy)]
 pub struct Moved {
     /// The node's place along y and z.
@@ -67,7 +67,7 @@ pub struct CodeSlab {
 }
 
 impl CodeSlab {
-    /// The codes of plane `x`, counted as the level's, of one channel.
+    /// The codes of one channel of plane `x` of the level.
     pub(super) fn plane(&self, x: usize, channel: usize) -> &Codes {
         &self.planes[x - self.first][channel]
     }
@@ -94,8 +94,8 @@ impl<'a> CodePlanes<'a> {
         Self { retained, activation, channels, planes }
     }
 
-    /// Quantizes the retained nodes of a plane. Returns the first that is moved by more than its
-    /// group's bound, if there is one.
+    /// Quantizes the retained nodes of a plane. Returns the first node that changes by more than
+    /// its group's bound, if any.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Option<Moved> {
         let Channel { quantizer, bound, everywhere, spare } = &self.channels[channel];
         let used = lock(spare).pop();
@@ -110,7 +110,7 @@ impl<'a> CodePlanes<'a> {
         moved
     }
 
-    /// Takes away planes that have come.
+    /// Takes completed planes.
     pub fn take(&self, planes: Range<usize>) -> CodeSlab {
         let take = |plane: &Mutex<Codes>| {
             let mut plane = lock(plane);
@@ -140,7 +140,7 @@ impl<'a> CodePlanes<'a> {
         }
     }
 
-    /// Place of the first retained node whose colour or opacity is not within `bound`.
+    /// Place of the first retained node whose colour or opacity exceeds `bound`.
     fn moved(
         &self,
         x: usize,
@@ -159,7 +159,7 @@ impl<'a> CodePlanes<'a> {
                 decode_codes(encoding, codes, run.clone(), decoded);
                 let is_moved = |(&value, &decoded): (&f32, &f32)| {
                     let error = || (activated(decoded) - activated(value)).abs();
-                    // A value that is no number is within no bound.
+                    // NaN always exceeds the bound.
                     decoded != value && (error().is_nan() || error() > bound.into())
                 };
                 if let Some(at) = values[run].iter().zip(&*decoded).position(is_moved) {

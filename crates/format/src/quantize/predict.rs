@@ -8,25 +8,25 @@
 //!
 //! with `e` the sum of the differences from the mean of the three lower neighbours along two axes,
 //! `k` that of the one along all three, and `d1`, `d2`, `d3` the differences of code and mean that
-//! the three channels before have at the same node; nodes and channels that a block does not have
-//! count as 0. Trained values vary smoothly in all directions, but their noise is shared by
-//! channels: the misses of the channels before predict this channel's miss best.
+//! the three channels before have at the same node; missing nodes and channels count as 0. Trained
+//! values vary smoothly in all directions, but channels share their noise: the residuals of the
+//! channels before are the best predictors of this channel's residual.
 //!
-//! A node needs those before it, so nothing along a block is parallel. Blocks are: the same node of
-//! [`Lanes`] is worked on together, in vector instructions.
+//! A node depends on those before it, so nodes of a block are sequential. Blocks are parallel:
+//! vector instructions process the same node of several blocks ([`Lanes`]).
 
 use multiversion::multiversion;
 
 use super::code_word::{Code, Wide};
 
-/// Channels before one that its predictions look at.
+/// Number of earlier channels in a channel's predictions.
 pub const CHANNELS_BEFORE: usize = 3;
 /// Weights of a prediction: of `e`, `k` and the channels before, the nearest first.
 pub const WEIGHTS: usize = 2 + CHANNELS_BEFORE;
 /// Weights are in 32nds.
 const SHIFT: usize = 5;
 
-/// A number for each of `L` blocks, for each node.
+/// For each node, a number for each of `L` blocks.
 pub type Lanes<T, const L: usize> = Vec<[T; L]>;
 
 /// Codes, means and differences of one channel of some blocks.
@@ -39,7 +39,7 @@ pub struct Channel<T: Code, const L: usize> {
 }
 
 impl<T: Code, const L: usize> Channel<T, L> {
-    /// Of blocks of so many nodes.
+    /// For blocks of this many nodes.
     pub fn new(nodes: usize) -> Self {
         Self { codes: vec![[T::default(); L]; nodes], off: vec![[T::Wide::default(); L]; nodes] }
     }
@@ -110,8 +110,8 @@ pub fn mean<T: Code, const L: usize>(codes: &[[T; L]], at: At, origin: T) -> [T;
     }
 }
 
-/// The codes of the lower neighbours along x and y, x and z, y and z, and all three: the mean where
-/// the block has none.
+/// The codes of the lower neighbours along x and y, x and z, y and z, and all three, or the mean if
+/// there is no such neighbour.
 #[inline(always)]
 pub fn beyond<'a, T, const L: usize>(
     codes: &'a [[T; L]],
@@ -124,7 +124,7 @@ pub fn beyond<'a, T, const L: usize>(
         let step = |axis: usize| if axes[axis] { steps[axis] } else { 0 };
         if has { &codes[at.node - step(0) - step(1) - step(2)] } else { mean }
     };
-    // Not as a map of an array: that would be a call for each node.
+    // Not an array `map`, which would be a call per node.
     [
         beyond([true, true, false]),
         beyond([true, false, true]),
@@ -183,8 +183,8 @@ fn predictions<T: Code, const L: usize>(
     out
 }
 
-/// Residuals to codes of one channel; `live` has all bits of nodes that have a residual and none of
-/// others, which are their mean. `before` are the channels before, the nearest last.
+/// Restores codes of one channel from residuals; `live` has all bits set for nodes with a residual
+/// and none for others, which equal their mean. `before` are the channels before, the nearest last.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn restore<T: Code, const L: usize>(
     edge: usize,
@@ -233,7 +233,7 @@ pub fn set_dont_care<T: Code, const L: usize>(
     });
 }
 
-/// Codes to residuals, biased, as [`restore`] takes them.
+/// Converts codes to biased residuals, the input of [`restore`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn residuals<T: Code, const L: usize>(
     edge: usize,
@@ -261,7 +261,7 @@ mod tests {
 
     const L: usize = 4;
 
-    /// The code of one node in one block, as the specification says it.
+    /// The code of one node in one block, directly from the specification.
     fn plain_code(
         edge: usize,
         known: &[Vec<u64>],

@@ -2,17 +2,16 @@
 //!
 //! Nodes far below the opacity threshold, and far inside opaque regions, still shape surfaces by
 //! interpolation: on a scene with steep density, clamping raw values at opacity 1e-8 costs 20 dB.
-//! So codes extend down to -100, the value of nodes that training never reached, and as far up;
-//! they are dense where opacity changes and sparse elsewhere ([`Encoding`]). Emptiness has a code
-//! of its own, so that it keeps its exact value. Colour likewise reaches far into saturation.
+//! So codes extend down to -100, the value of nodes that training never reached, and equally far
+//! up; they are dense where opacity changes and sparse elsewhere ([`Encoding`]). Emptiness has its
+//! own code, which keeps its exact value. Codes of colour likewise extend far into saturation.
 //!
-//! **The bound.** Codes' values ascend and a value gets the code between whose borders it lies. The
-//! activation is monotone, so the farthest that a value's activation can be from its code's is at a
-//! border, or, beyond the ends, where the activation ends. Borders are f32 numbers that values are
-//! compared with exactly, so no rounding is left to add: the bound is the largest of these
-//! distances. If all values are known to lie between a lowest and a highest ([`super::search`]),
-//! the activation ends there: intervals between borders are cut off at both, and codes whose values
-//! would all lie beyond count for nothing.
+//! **The bound.** Values of codes ascend, and a value gets the code between whose borders it lies.
+//! The activation is monotone, so the distance of a value's activation from its code's is largest
+//! at a border or, beyond the last codes, at the activation's limit. Borders are f32 numbers, and
+//! comparisons with them are exact, so there is no rounding to add: the bound is the largest of
+//! these distances. If all values lie in a known range ([`super::search`]), intervals between
+//! borders are clipped to it, and codes outside of it are ignored.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -96,16 +95,16 @@ impl<'de> Deserialize<'de> for Bits {
 pub(super) const OPACITY_ERROR: f64 = 0.0108;
 /// Largest move of a colour at 8 bits, where the sigmoid is steepest.
 const COLOR_ERROR: f64 = 0.0082;
-/// Raw colour that codes extent: the sigmoid ends 1e-14 before.
+/// Extent of codes in raw colour: the sigmoid is within 1e-14 of its limit.
 const COLOR_EXTENT: f64 = 32.0;
 
-/// Larger linear values have no codes: sums of two of them would be infinite.
+/// Larger linear values have no codes, because sums of two of them would be infinite.
 pub(super) const LARGEST: f64 = 1e30;
 
-/// Square root of the largest optical depth that codes extent: opacity 1 - 1e-7 over one interval.
+/// Extent of codes as the square root of optical depth: opacity 1 - 1e-7 over one interval.
 const SQRT_DEPTH_EXTENT: f64 = 4.0;
 
-/// True if codes of this meaning are laid over the range of the values.
+/// True if codes of this meaning cover the range of the values.
 pub fn is_laid_over_values(decode: Decode, activation: &Activation) -> bool {
     match decode {
         Decode::Linear | Decode::Coefficient(_) | Decode::Directional | Decode::Anisotropy => true,
@@ -174,7 +173,7 @@ fn raw_density_extent(activation: &Activation) -> (f64, f64) {
     // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
     let center = -libm::log(interval) - shift;
     let clear = activate::raw_at_opacity(0.9999, shift, interval);
-    // The lowest code stays above emptiness, which has its own.
+    // The lowest code stays above emptiness, which has its own code.
     (center, (center - f64::from(EMPTY_LOGIT) - 2.0).max(clear - center))
 }
 
@@ -183,32 +182,32 @@ fn emptiness(center: f64, extent: f64) -> f32 {
     EMPTY_LOGIT.min((center - extent - 1.0) as f32)
 }
 
-/// Lays codes around `center`: there `step` apart at 8 bits (in proportion at others), at the ends
-/// `extent` away.
+/// Spaces codes around `center`: `step` apart there at 8 bits (scaled for other bits), up to
+/// `extent` away at the ends.
 pub(super) fn set_codes(encoding: &mut Encoding, center: f64, step: f64, extent: f64) {
     let half = f64::from((1u32 << (encoding.bits - 1)) - 1);
-    // If codes are plenty, they are equally far apart.
+    // If there are enough codes, they are uniformly spaced.
     let step = (step * 127.0 / half).min(extent / half);
     encoding.center = center as f32;
     encoding.step = step as f32;
     encoding.curve = ((extent - step * half) / (half * half * half)) as f32;
 }
 
-/// The range of values of one meaning that count.
+/// The relevant range of values of one meaning.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Domain {
     /// The value at which the activation is steepest.
     pub steepest: f64,
-    /// Values below need no code of their own.
+    /// Values below need no separate code.
     pub floor: f64,
-    /// Values above need none either.
+    /// Values above need no separate code.
     pub ceiling: f64,
     /// The value of emptiness, below `floor`. Lower values count as empty too.
     pub empty: f32,
 }
 
 impl Domain {
-    /// Of values that mean this.
+    /// For values of this meaning.
     pub fn of(decode: Decode, activation: &Activation) -> Self {
         match decode {
             Decode::Density(DensityDomain::Raw) if activation.function == DensityFunction::Relu => {
@@ -238,8 +237,8 @@ impl Domain {
     }
 }
 
-/// The largest distance of a value's activation from its code's, of values whose activations lie
-/// between `activations`; see the module's proof.
+/// The largest distance of a value's activation from its code's, for values with activations within
+/// `activations`; see the module's proof.
 pub(super) fn bound(
     encoding: &Encoding,
     activations: [f64; 2],
@@ -251,7 +250,7 @@ pub(super) fn bound(
     )
 }
 
-/// [`bound`], of the values that get this code.
+/// [`bound`] for the values of this code.
 pub(super) fn code_error(
     encoding: &Encoding,
     code: u32,
@@ -282,11 +281,10 @@ pub fn color_encoding(bits: Bits) -> Encoding {
     encoding
 }
 
-/// An encoding as floats have it; integers get their codes after. A value's activation does not
-/// move at all when it is stored as f32; as f16 it moves by `2^-11` of the value's magnitude, which
-/// `slope_times_value` bounds once multiplied by the activation's slope there. Doubled for values
-/// that are subnormal in f16. Beyond 65504, where f16 ends, `activation` may go on: short intervals
-/// see raw density grow for long.
+/// A float encoding; integers get their codes later. Storing as f32 does not change a value's
+/// activation; as f16, a value changes by `2^-11` of its magnitude, and `slope_times_value` bounds
+/// the product of magnitude and slope. The bound is doubled for subnormal f16 values. `activation`
+/// may still grow beyond 65504, the largest f16: over short intervals, raw density saturates late.
 pub(super) fn float_encoding(
     bits: Bits,
     decode: Decode,

@@ -1,12 +1,12 @@
-//! The bytes of a run to codes.
+//! Decodes the bytes of a run to codes.
 
 use super::code_word::Code;
 use super::frame::{FrameShape, before, lane_weights, terms};
 use super::lanes::{gather, spread};
 use super::predict::{self, CHANNELS_BEFORE, Channel, Lanes, WEIGHTS};
 
-/// For each byte of live bits, how many are set below each: where the residual of a live node is
-/// among those of eight.
+/// For each byte of live bits, the number of set bits below each: the index of a live node's
+/// residual among those of eight.
 const PLACES: [[u8; 8]; 256] = places();
 
 const fn places() -> [[u8; 8]; 256] {
@@ -20,25 +20,25 @@ const fn places() -> [[u8; 8]; 256] {
     places
 }
 
-/// For each bit, the lowest first, a byte of just such bits.
+/// For each bit, lowest first, a byte with only that bit.
 fn byte_masks(bits: u8) -> [u8; 8] {
     const ONES: u64 = 0x0101_0101_0101_0101;
-    // Each byte keeps its bit, and carries into the highest where that is set.
+    // Each byte keeps its bit, which carries into the highest if set.
     let own = (u64::from(bits) * ONES) & 0x8040_2010_0804_0201;
     let set = ((own + ONES * 0x7f) >> 7) & ONES;
     (set * 0xff).to_le_bytes()
 }
 
-/// A run whose parts are found.
+/// A parsed run.
 pub struct RunParts<'a> {
     shape: FrameShape,
-    /// Of each mode's channels.
+    /// For the channels of each mode.
     weights: Vec<Vec<[i8; WEIGHTS]>>,
     modes: &'a [u8],
     live: &'a [u8],
     /// Live nodes before each frame, in the order of modes.
     starts: Vec<usize>,
-    /// Live nodes in all.
+    /// Total live nodes.
     count: usize,
     residuals: &'a [u8],
 }
@@ -52,7 +52,7 @@ pub struct Scratch<T: Code, const L: usize> {
 }
 
 impl<T: Code, const L: usize> Scratch<T, L> {
-    /// For batches of blocks of so many nodes.
+    /// For batches of blocks of this many nodes.
     pub fn new(nodes: usize) -> Self {
         let empty = || vec![[T::default(); L]; nodes];
         let rows = vec![T::default(); L * nodes];
@@ -61,7 +61,7 @@ impl<T: Code, const L: usize> Scratch<T, L> {
 }
 
 impl<'a> RunParts<'a> {
-    /// Finds the parts; the error names the expected bytes.
+    /// Parses the parts; the error names the expected bytes.
     pub fn read(
         shape: FrameShape,
         frames: usize,
@@ -143,7 +143,7 @@ impl<'a> RunParts<'a> {
             }
         }
         spread(&rows.chunks_exact(nodes).collect::<Vec<_>>(), live);
-        // The channel that is made, after those that its predictions look at.
+        // The current channel, after those that its predictions use.
         let mut known: Vec<Channel<T, L>> = Vec::with_capacity(CHANNELS_BEFORE + 1);
         for channel in 0..channels {
             for (lane, row) in rows.chunks_exact_mut(nodes).enumerate() {
@@ -165,7 +165,7 @@ impl<'a> RunParts<'a> {
         spare.append(&mut known);
     }
 
-    /// Residuals of one frame and channel. Nodes that are not live may get any value.
+    /// Residuals of one frame and channel. Values of nodes that are not live are unspecified.
     fn take_residuals<T: Code>(&self, frame: usize, channel: usize, row: &mut [T]) {
         let planes = self.residuals.get(channel * T::BYTES * self.count + self.starts[frame]..);
         let planes = planes.unwrap_or_default();
@@ -180,8 +180,8 @@ impl<'a> RunParts<'a> {
         }
     }
 
-    /// Residuals of up to eight nodes from place `at` of each plane on, and how many of them are
-    /// live.
+    /// Residuals of up to eight nodes from place `at` of each plane on, and the number of live
+    /// ones.
     #[inline(always)]
     fn take_eight<T: Code>(&self, planes: &[u8], at: usize, live: u8, row: &mut [T]) -> usize {
         // The next bytes of each plane. After the last live node there may be fewer than eight; the
@@ -195,7 +195,7 @@ impl<'a> RunParts<'a> {
                 last
             });
         }
-        // Without branches: live nodes come and go along surfaces.
+        // Branch-free, because live nodes alternate along surfaces.
         let places = &PLACES[usize::from(live)];
         for (out, &place) in row.iter_mut().zip(places) {
             let byte = |byte: usize| u32::from(next[byte][usize::from(place & 7)]) << (8 * byte);

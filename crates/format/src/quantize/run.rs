@@ -1,16 +1,16 @@
-//! Frames of one group to the bytes of a run, before compression, and back.
+//! Converts frames of one group to the bytes of a run, before compression, and back.
 //!
 //! ```text
 //! u8 modes; their weights; u8 mode of each frame; live bits of each frame;
 //! residual bytes of live nodes
 //! ```
 //!
-//! A node whose codes are the mean of its lower neighbours in every channel is not *live*, and has
-//! no residuals: don't-care nodes take that mean, and cost a bit for all channels together. Frames
-//! are sorted into modes, each into the one in which it takes the fewest bits ([`super::modes`]).
-//! Each mode has weights of its own, and its residuals lie together, so that an entropy coder can
-//! have a table for each. All of it follows from the codes alone: the same codes are the same bytes,
-//! and a writer need not know the retained nodes.
+//! A node whose codes equal the mean of its lower neighbours in every channel is not *live*, and
+//! has no residuals: don't-care nodes take that mean, and cost one bit for all channels together.
+//! Each frame belongs to the mode in which it takes the fewest bits ([`super::modes`]). Each mode
+//! has its own weights, and its residuals are contiguous, so that an entropy coder can have a table
+//! for each. Everything depends on the codes alone: the same codes give the same bytes, and a
+//! writer need not know the retained nodes.
 
 use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes};
@@ -19,11 +19,11 @@ use super::write_run::Encoder;
 use crate::base::error::{Error, Place, Result};
 use crate::model::baked::NumberType;
 
-/// Frames that are worked on together; of few frames fewer.
+/// Frames that are processed together; fewer for few frames.
 const MANY: usize = 64;
 const FEW: usize = 4;
 
-/// Bytes of memory, at most, that making a run of so many frames takes beside the frames.
+/// Maximum bytes of memory for making a run of this many frames, beside the frames.
 pub fn encoder_bytes(shape: FrameShape, frames: usize) -> usize {
     let lanes = if frames <= 2 * FEW { FEW } else { MANY };
     let code = shape.number.bytes();
@@ -52,8 +52,7 @@ pub fn run_bytes(shape: FrameShape, frames: &[Frame], dont_care_max: u32) -> Run
     }
 }
 
-/// Codes of a run, `[frame][channel][node]`, into `codes`, whose length says how many frames there
-/// are.
+/// Decodes a run into `codes`, `[frame][channel][node]`, whose length gives the number of frames.
 pub fn run_codes<T: Code>(
     shape: FrameShape,
     bytes: &[u8],

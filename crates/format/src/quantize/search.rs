@@ -1,17 +1,16 @@
 //! The fewest bits that keep an error.
 //!
-//! The largest error is given, and so are the lowest and the highest of the values
-//! ([`ValueRange`]). For 4 bits, then 5, and so on, codes are laid from the one to the other in a
-//! few hundred ways: with their center anywhere from where the activation is steepest to the middle
-//! between both, and with equal steps or steps that are up to a thousandth as wide at the center as
-//! equal ones would be and grow towards the ends. The first way whose proved bound
-//! ([`super::range`]) is within the error is taken.
+//! Given are the largest error, and the lowest and the highest value ([`ValueRange`]). For 4 bits,
+//! then 5, and so on, a few hundred layouts of codes over the range are tried. Their center ranges
+//! from the steepest point of the activation to the middle of the range; their steps are uniform,
+//! or down to a thousandth of that at the center and growing towards the ends. The first layout
+//! with a proved bound ([`super::range`]) within the error is used.
 //!
-//! Ways come in the order of their widest step, narrowest first. The widest is at an end, far
-//! outside of the visible range, where the bound allows anything; but surfaces lie where
-//! interpolation crosses from there, and a picture loses tens of dB if values there are out of
-//! proportion. So codes that the bound does not require go there, and steps at the center are as
-//! wide as it allows.
+//! Layouts are ordered by their widest step, narrowest first. The widest step is at an end, far
+//! outside the visible range, where the bound allows any error. But surfaces lie where
+//! interpolation crosses from there into the visible range, and a picture loses tens of dB if
+//! values there are out of proportion. So spare codes go to the ends, and steps at the center are
+//! as wide as the bound allows.
 //!
 //! Everything is computed in f64 by `libm` in a fixed order: the same values give the same codes.
 
@@ -21,16 +20,17 @@ use super::value_range::ValueRange;
 use crate::model::baked::{Decode, DensityDomain, Encoding, NumberType};
 use crate::model::scene::Activation;
 
-/// Centers that are tried, from where the activation is steepest to the middle.
+/// Number of centers to try, from the steepest point of the activation to the middle.
 const CENTERS: u32 = 5;
-/// Halvings of the step at the center that are tried, and how many ways there are on each.
+/// Number of halvings of the center step to try, and layouts per halving.
 const HALVINGS: u32 = 10;
 const CURVES_PER_HALVING: u32 = 8;
-/// Codes whose errors are looked at first; where one is too large, the others are not looked at.
+/// Codes whose errors are checked first; if one is too large, the others are skipped.
 const PROBED_FIRST: u32 = 256;
 
-/// The encoding with the fewest bits that holds the values in `span` (and emptiness) within
-/// `max_error`, in opacity over one interval or in colour from 0 to 1; f32 if 16 bits cannot.
+/// The encoding with the fewest bits that keeps the values in `span` (and emptiness) within
+/// `max_error`, in opacity over one interval or in colour from 0 to 1; f32 if 16 bits do not
+/// suffice.
 pub fn encoding_within(
     max_error: f32,
     decode: Decode,
@@ -55,7 +55,7 @@ struct Search<'a> {
     high: f64,
     /// Activations of the lowest and the highest value.
     activations: [f64; 2],
-    /// True if codes lie around 0, which is empty, and reach below it.
+    /// True if codes are centered on 0, which is empty, and extend below it.
     is_signed: bool,
 }
 
@@ -63,13 +63,13 @@ impl<'a> Search<'a> {
     fn new(max_error: f32, decode: Decode, activation: &'a Activation, span: &ValueRange) -> Self {
         let domain = Domain::of(decode, activation);
         let activated = |value: f32| decode.activated(value.into(), activation);
-        // Without values any will do.
+        // Without values, any encoding works.
         let [low, high] = span.ends().unwrap_or([domain.steepest as f32; 2]);
         let is_signed = is_laid_over_values(decode, activation);
         let (low, high) = if is_signed { (low.min(0.0), high.max(0.0)) } else { (low, high) };
         let mut ceiling = domain.ceiling;
         if decode == Decode::Density(DensityDomain::Raw) {
-            // Over short intervals opacity goes on for long.
+            // Over short intervals, opacity saturates late.
             let almost = 1.0 - f64::from(max_error);
             ceiling = ceiling.max(activation.raw_at_opacity(almost));
         }
@@ -89,9 +89,9 @@ impl<'a> Search<'a> {
         self.decode.activated(value, self.activation)
     }
 
-    /// The best encoding of so many bits, if any keeps the error.
+    /// The best encoding of this many bits, if any keeps the error.
     fn with_bits(&self, bits: u32) -> Option<Encoding> {
-        // No code can stand for more than twice the error.
+        // No code can cover more than twice the error.
         let covered = f64::from(1u32 << bits) * 2.0 * f64::from(self.max_error);
         if self.activations[1] - self.activations[0] > covered {
             return None;
@@ -101,7 +101,7 @@ impl<'a> Search<'a> {
         ways.into_iter().find_map(|(_, encoding)| self.proved(encoding))
     }
 
-    /// Codes of so many bits from the lowest to the highest value, with their widest steps.
+    /// Codes of this many bits from the lowest to the highest value, with their widest steps.
     fn ways(&self, bits: u32) -> Vec<(f64, Encoding)> {
         let (mut low, high) = (self.low, self.high);
         let empty_code = self.decode.density().is_some() && !self.is_signed;
@@ -109,7 +109,7 @@ impl<'a> Search<'a> {
         let above = f64::from((1u32 << (bits - 1)) - 1);
         let mut below = above + 1.0;
         if empty_code {
-            // The lowest code stands for emptiness; the next is to lie a step above, or higher.
+            // The lowest code means emptiness; the next must be at least a step above.
             below = above;
             let empty = f64::from(self.domain.empty);
             low = low.max(empty + (high - empty) / (below + above + 1.0));
@@ -122,7 +122,7 @@ impl<'a> Search<'a> {
             let share = f64::from(i) / f64::from(CENTERS - 1);
             let center = steepest + share * (middle - steepest);
             let sides = [(center - low, below), (high - center, above)];
-            // Codes must differ as f32 numbers, even where all values are the same.
+            // Codes must be distinct f32 numbers, even if all values are equal.
             let least = (center.abs() + 1.0) / f64::from(1u32 << 20);
             let equal = sides.iter().fold(least, |max, (reach, codes)| max.max(reach / codes));
             for j in 0..=HALVINGS * CURVES_PER_HALVING {
@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn narrow_spans_take_few_bits_and_none_or_one_value_four() {
         let activation = activation(0.5);
-        // The range of anisotropy holds 0 always.
+        // The range of anisotropy always includes 0.
         for decode in Decode::ALL.into_iter().filter(|&decode| decode != Decode::Anisotropy) {
             let bits = |values: &[f32]| {
                 encoding_within(1e-3, decode, &activation, &span(decode, &activation, values)).bits

@@ -1,26 +1,26 @@
-//! Sums of products of the terms of predictions, which weights are fitted from.
+//! Sums of products of the terms of predictions, for fitting weights.
 
 use multiversion::multiversion;
 
 use super::code_word::{Code, Sum};
 use super::predict::{Channel, WEIGHTS, beyond, for_each_node, others, terms};
 
-/// Numbers of a lower triangle with a row for each weight and one for the predicted value.
+/// Size of a lower triangle with a row for each weight and one for the predicted value.
 pub const PRODUCTS: usize = (WEIGHTS + 1) * (WEIGHTS + 2) / 2;
-/// Of so many nodes, one is used to fit the weights.
+/// One in this many nodes is used to fit the weights.
 pub const SAMPLED: usize = 5;
 
 /// Sums over the live nodes of each block.
 #[derive(Debug, Clone)]
 pub struct Sums<const L: usize> {
-    /// Of the difference's size.
+    /// Sum of the difference's magnitude.
     pub sizes: [f64; L],
     /// Of products of each two terms, the lower triangle row by row; the last row is that of the
     /// difference itself.
     pub products: [[f64; L]; PRODUCTS],
 }
 
-/// Adds up the sums that weights are fitted from: every fifth node is enough.
+/// Accumulates the sums for fitting weights; every fifth node is enough.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn sums<T: Code, const L: usize>(
     edge: usize,
@@ -49,8 +49,8 @@ pub fn sums<T: Code, const L: usize>(
         let mut all = [[T::Sum::default(); L]; WEIGHTS + 1];
         for (all, wide) in all.iter_mut().zip(&wide) {
             for lane in 0..L {
-                // The mean is right for nodes that are not live, whatever the weights. A choice
-                // between two numbers is no branch, which vectors do not have.
+                // The mean is exact for nodes that are not live, whatever the weights. A select
+                // between two numbers avoids a branch, which vectors do not have.
                 let (factor, live) = (T::factor(wide[lane]), live[at.node][lane]);
                 all[lane] = if live == T::default() { T::Sum::default() } else { factor };
             }
@@ -77,7 +77,7 @@ pub fn sums<T: Code, const L: usize>(
 }
 
 impl<const L: usize> Sums<L> {
-    /// Adds partial sums, which start anew.
+    /// Adds partial sums, and resets them.
     #[inline(always)]
     fn take<T: Code>(&mut self, sizes: &mut [T::Sum; L], products: &mut [[T::Sum; L]; PRODUCTS]) {
         let parts = std::iter::once(sizes).chain(products);
@@ -96,7 +96,7 @@ mod tests {
 
     const L: usize = 4;
 
-    /// Holds sums over codes that are the least or the greatest to sums of f64, node by node.
+    /// Compares sums over codes of minimum and maximum values with f64 sums, node by node.
     fn hold_sums<T: Code>(edge: usize) {
         let nodes = edge.pow(3);
         let mut state = 7u64;

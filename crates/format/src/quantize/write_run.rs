@@ -1,4 +1,4 @@
-//! Frames to the bytes of a run.
+//! Encodes frames to the bytes of a run.
 
 use super::code_word::Code;
 use super::frame::{Frame, FrameShape, RunBytes, before, lane_weights, terms};
@@ -24,7 +24,7 @@ pub struct Encoder<T: Code, const L: usize> {
 }
 
 impl<T: Code, const L: usize> Encoder<T, L> {
-    /// Takes frames, and gives codes of don't-care nodes their mean, or `dont_care_max` if that is
+    /// Adds frames, and sets codes of don't-care nodes to their mean, or `dont_care_max` if that is
     /// lower.
     pub fn new(shape: FrameShape, frames: &[Frame], dont_care_max: u32) -> Self {
         let nodes = shape.nodes();
@@ -95,7 +95,7 @@ impl<T: Code, const L: usize> Encoder<T, L> {
         let mut sections = vec![bytes.len()];
         let start = bytes.len();
         let live: usize = live_counts.iter().sum();
-        // More, so that bytes can be written before it is known whether they count.
+        // Extra room, so that bytes can be written before it is known whether they count.
         bytes.resize(start + live * channels * T::BYTES + 8, 0);
         let mut at = start;
         let nodes = self.shape.nodes();
@@ -137,7 +137,7 @@ fn count_live(bits: &[u8]) -> usize {
     bits.iter().map(|bits| bits.count_ones() as usize).sum()
 }
 
-/// For each byte of live bits, which are set, lowest first.
+/// For each byte of live bits, the set bits, lowest first.
 const LIVE: [[u8; 8]; 256] = live_places();
 
 const fn live_places() -> [[u8; 8]; 256] {
@@ -153,8 +153,8 @@ const fn live_places() -> [[u8; 8]; 256] {
     places
 }
 
-/// Writes a byte of the residuals of up to eight nodes, and says how many of them are live: those
-/// come first.
+/// Writes a byte of the residuals of up to eight nodes, live ones first, and returns the number of
+/// live nodes.
 #[inline(always)]
 fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usize {
     let mut whole = [T::default(); 8];
@@ -163,7 +163,7 @@ fn put_eight<T: Code>(nodes: &[T], live: u8, byte: usize, out: &mut [u8]) -> usi
         &whole
     });
     if let Some(out) = out.first_chunk_mut::<8>() {
-        // Without branches: live nodes come and go along surfaces.
+        // Branch-free, because live nodes alternate along surfaces.
         for (out, &place) in out.iter_mut().zip(&LIVE[usize::from(live)]) {
             *out = nodes[usize::from(place & 7)].byte(byte);
         }

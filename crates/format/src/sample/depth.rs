@@ -1,12 +1,12 @@
-//! Interpolated density to optical depth.
+//! Converts interpolated density to optical depth.
 
 use super::view::View;
 use crate::model::activate::lanes;
 use crate::model::baked::DensityDomain;
 use crate::model::scene::{Activation, ActivationOrder, DensityFunction};
 
-/// The optical depth over one interval of an interpolated density. Finite even of the largest
-/// numbers, so that mixing two of them gives no NaN.
+/// The optical depth over one interval of an interpolated density. Finite even for the largest
+/// numbers, so that mixing two of them cannot give NaN.
 #[inline(always)]
 pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
     let Activation { shift, interval, order, function } = view.activation;
@@ -20,14 +20,14 @@ pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
         (DensityDomain::SqrtOpticalDepth, _) => {
             (density * density * view.depth_scale).min(f32::MAX)
         }
-        // Opacities of nodes are over the file's interval, which a picture may change.
+        // Opacities of nodes are over the file's interval, which a picture may override.
         (DensityDomain::Raw, ActivationOrder::Opacity) | (DensityDomain::Opacity, _) => {
             opaque_depth(density) * view.depth_scale
         }
     }
 }
 
-/// The same of raw density whose function is softplus, interpolated as it is.
+/// The same for raw density with softplus, interpolated before activation.
 #[inline(always)]
 pub fn raw_depth(raw: f32, shift: f32, interval: f32) -> f32 {
     (lanes::softplus(raw + shift) * interval).min(f32::MAX)

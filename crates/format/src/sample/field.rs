@@ -1,4 +1,4 @@
-//! A field as a renderer reads it.
+//! The renderer's interface to a field.
 
 use super::level::Cell;
 use super::skip::SkipGrid;
@@ -10,22 +10,22 @@ pub trait SampleLevels<const C: usize>: Sync {
     /// Levels, finest first.
     fn levels(&self) -> usize;
 
-    /// The part that shows a level in a nested box: the level itself, or its shell where no smaller
-    /// box is. Everything below takes the numbers of parts.
+    /// The part for a level in a nested box: the level itself, or its shell outside the smaller
+    /// boxes. All following methods take part numbers.
     #[inline(always)]
     fn part(&self, level: usize, number: usize) -> usize {
         if number > 0 && level == number { self.levels() + number - 1 } else { level }
     }
 
-    /// The cell of a position, `0..=1` along each axis of the box of everything; none where nothing
-    /// is stored.
+    /// The cell of a position, `0..=1` along each axis of the outermost box; none in blocks that
+    /// are not stored.
     fn locate(&self, level: usize, position: [f64; 3]) -> Option<Cell>;
 
-    /// Interpolated density of a located cell of a level that has density, in a direction in which
-    /// the functions of anisotropy have the values `along`; with zeros, the mean of all directions.
+    /// Interpolated density in a cell of a level with density. `along` has the values of
+    /// anisotropy's functions in the direction; zeros give the mean of all directions.
     fn density(&self, level: usize, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32;
 
-    /// Interpolated raw colour and features of a located cell.
+    /// Interpolated raw colour and features in a cell.
     fn color(&self, level: usize, cell: &Cell) -> [f32; C];
 
     /// True if a level has density of its own.
@@ -34,18 +34,18 @@ pub trait SampleLevels<const C: usize>: Sync {
     /// Meaning of a level's densities.
     fn density_domain(&self, level: usize) -> DensityDomain;
 
-    /// What optical depths that are stored are multiplied by to be those over one interval: in box `m`
-    /// they are over `2^m`.
+    /// The factor from stored optical depths to those over one interval: in box `m` they are over
+    /// `2^m` intervals.
     fn depth_scale(&self, _part: usize) -> f32 {
         1.0
     }
 
-    /// Density where nothing is stored, of a level that has density.
+    /// Density in blocks that are not stored, of a level with density.
     fn empty_density(&self, level: usize) -> f32;
 
-    /// Raw colour and features where nothing is stored.
+    /// Raw colour and features in blocks that are not stored.
     fn empty_color(&self, level: usize) -> [f32; C];
 
-    /// The space that can be skipped in a nested box. Its first level is the box's number.
+    /// The empty space in a nested box. Its first level is the box's number.
     fn skip(&self, number: usize) -> &SkipGrid;
 }

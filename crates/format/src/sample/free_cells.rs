@@ -1,15 +1,15 @@
-//! The cells of a grid that the free-space mask lets samples be in.
+//! The cells of a grid in which the free-space mask allows samples.
 //!
 //! The mask is a grid of its own with its own box, looked up at each sample. A cell of a level is
 //! *inside* if any of its points may be in the mask: if any mask node within the reach of a lookup
-//! from the cell is. For a nearest lookup that is exact; for a trilinear one it errs towards
-//! keeping, since an interpolated value never exceeds the nodes around it.
+//! from the cell is. For a nearest lookup, this is exact; for a trilinear one, it is conservative,
+//! because an interpolated value never exceeds the nodes around it.
 
 use crate::base::error::Result;
 use crate::model::grid::{Bounds, CellMask, NodeMask, Nodes, row};
 use crate::model::scene::{FreeSpace, Lookup};
 
-/// Positions that fall within this of a border between mask nodes count for both sides.
+/// Positions this close to a border between mask nodes count for both sides.
 const SLACK: f64 = 1e-4;
 
 /// The cells of a level that the mask touches.
@@ -64,7 +64,7 @@ pub fn any_in_ranges(
     lowest.map(CellMask::of_lowest_nodes)
 }
 
-/// The mask's nodes that are inside by themselves.
+/// The inside nodes of the mask.
 pub fn inside_nodes(free_space: &FreeSpace) -> Result<NodeMask> {
     let nodes = free_space.nodes;
     let [_, ny, nz] = nodes.0;
@@ -78,7 +78,7 @@ pub fn inside_nodes(free_space: &FreeSpace) -> Result<NodeMask> {
                         row::set(row, z);
                     }
                 }
-                // At least a number is above the one below it.
+                // At least the next representable number.
                 Lookup::Trilinear { values, threshold } => {
                     row::pack_above(&values[first..first + nz], threshold.next_down(), row);
                 }
@@ -96,8 +96,8 @@ pub fn cell_faces(bounds: &Bounds, nodes: Nodes) -> [Vec<f64>; 3] {
     })
 }
 
-/// Mask nodes that lookups from each cell between `faces` can reach, clipped to those that there
-/// are: first and one past the last, by axis.
+/// Mask nodes within reach of lookups from each cell between `faces`, clipped to the mask: first
+/// and one past the last, by axis.
 pub fn mask_ranges(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> [Vec<(usize, usize)>; 3] {
     [0, 1, 2].map(|axis| {
         let count = free_space.nodes.0[axis];
@@ -108,7 +108,7 @@ pub fn mask_ranges(free_space: &FreeSpace, faces: &[Vec<f64>; 3]) -> [Vec<(usize
             Lookup::Trilinear { .. } => (clip(low.floor()), clip(high.ceil() + 1.0)),
         };
         let cells = faces[axis].windows(2);
-        // The mask may run against the axis.
+        // The mask may run in the opposite direction.
         let ends = cells.map(|pair| (at(pair[0]), at(pair[1])));
         ends.map(|(a, b)| reach(a.min(b) - SLACK, a.max(b) + SLACK)).collect()
     })

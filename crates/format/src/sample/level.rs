@@ -4,7 +4,7 @@ use crate::model::anisotropy::{ANISOTROPY, added_density};
 use crate::model::baked::DensityDomain;
 use crate::model::scene::{Activation, ActivationOrder};
 
-/// A position's cell: its lowest node in the level's arrays, and where in the cell it lies.
+/// A position's cell: its lowest node in the level's arrays, and the position in the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Cell {
     /// Number of the lowest node.
@@ -16,17 +16,17 @@ pub struct Cell {
 /// Values of nodes, and the distances of neighbours along x and y (along z it is 1).
 #[derive(Debug)]
 pub struct Values<const C: usize> {
-    /// None where the level has no density of its own.
+    /// None if the level has no density.
     pub density: Option<Vec<f32>>,
     /// Meaning of densities.
     pub domain: DensityDomain,
-    /// Anisotropy of densities; empty where the level has none.
+    /// Anisotropy of densities; empty if the level has none.
     pub anisotropy: Vec<[f32; ANISOTROPY]>,
     pub color: Vec<[f32; C]>,
     pub strides: [usize; 2],
 }
 
-/// The lowest node of a position's cell along one axis of `nodes`, and the place in it.
+/// The lowest node of a position's cell along one axis of `nodes`, and the position in the cell.
 #[inline(always)]
 pub fn split(position: f64, nodes: usize) -> (usize, f32) {
     let at = position * (nodes - 1) as f64;
@@ -41,8 +41,8 @@ impl<const C: usize> Values<C> {
         [node, node + y, node + x, node + x + y]
     }
 
-    /// Interpolated density in a direction in which the functions of anisotropy have the values
-    /// `along`, of a level that has density.
+    /// Interpolated density of a level with density, in a direction with the values `along` of
+    /// anisotropy's functions.
     #[inline(always)]
     pub fn density(&self, cell: &Cell, along: &[f32; ANISOTROPY]) -> f32 {
         let density = self.mean_density(cell);
@@ -90,10 +90,10 @@ impl<const C: usize> Values<C> {
     }
 }
 
-/// Densities beyond are as good as these, and differences of larger ones overflow.
+/// Densities are clamped here without visible change, because differences of larger ones overflow.
 const LARGEST_DENSITY: f32 = 1e30;
 
-/// A node's density as it is interpolated.
+/// A node's density in its interpolated form.
 pub fn interpolated_density(activation: &Activation, domain: DensityDomain, raw: f32) -> f32 {
     let raw = raw.clamp(-LARGEST_DENSITY, LARGEST_DENSITY);
     if domain != DensityDomain::Raw {

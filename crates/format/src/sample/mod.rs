@@ -1,13 +1,13 @@
 //! Reading fields between nodes.
 //!
-//! A renderer reads a field through [`SampleLevels`]: values at positions of a level, and empty space.
-//! [`Sparse`] is that of a baked field; the crate `mipvog` has one of a field as trained.
-//! Both have the same arrays: a level's density, and its colours interleaved node by node. Each
-//! finds the lowest node of a position's cell in its own way. Colours have `C` lanes, so that
-//! interpolating them is a handful of vector instructions. Lanes without a channel are zero.
+//! A renderer reads a field through [`SampleLevels`]: values at positions of a level, and empty
+//! space. [`Sparse`] implements it for baked fields; the crate `mipvog` for trained ones. Both have
+//! the same arrays: a level's density, and its colours interleaved node by node. They differ in
+//! finding the lowest node of a position's cell. Colours have `C` lanes, so that interpolating them
+//! takes a few vector instructions. Lanes without a channel are zero.
 //!
-//! Stored values are interpolated. Raw density is interpolated in the form that the activation's
-//! order names: raw density, density or opacity.
+//! Stored values are interpolated. The activation's order decides the form of interpolated density:
+//! raw density, density or opacity.
 
 mod depth;
 mod field;

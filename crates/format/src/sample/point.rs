@@ -33,7 +33,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// A sample without features, whose colour does not depend on the direction.
+    /// A sample without features and with a direction-independent colour.
     pub fn plain(opacity: f32, density: f32, color: [f32; 3]) -> Self {
         let (features, coefficients) = (Vec::new(), Vec::new());
         let directional = [0.0; DIRECTIONAL];
@@ -45,7 +45,7 @@ impl Sample {
         color_from(self.color, self.directional, direction)
     }
 
-    /// Diffuse colour along a unit `direction`, and features, as the view network takes them.
+    /// Diffuse colour along a unit `direction`, and features: the input of the view network.
     pub fn values_from(&self, direction: [f64; 3]) -> Vec<f32> {
         [&self.diffuse_from(direction)[..], &self.features].concat()
     }
@@ -57,7 +57,7 @@ pub fn world_of(view: &View, share: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| f64::from(view.bounds.min[axis]) + share[axis] * extent[axis])
 }
 
-/// True for a place in which samples count: free, and in the part of the box that is sampled.
+/// True for a place where samples count: inside the mask and the sampled part of the box.
 pub fn is_sampled(view: &View, world: [f64; 3], share: [f64; 3]) -> bool {
     let sampled = share.iter().zip(view.march.sampled_shares(&view.bounds));
     let inside = sampled.into_iter().all(|(at, [low, high])| (low..=high).contains(at));
@@ -120,11 +120,11 @@ pub fn sample_at<const C: usize>(
     }
 }
 
-/// A position this near to a face, in shares of the box, lies on it: corners are float32, and the
-/// caller's own, on whose faces nodes lie, may be float64.
+/// A position this close to a face, in shares of the box, lies on it: corners are float32, while
+/// the caller's may be float64.
 const ROUNDING: f64 = 1e-6;
 
-/// A position, moved to each face that it is on but for rounding.
+/// A position, snapped to faces that it lies on except for rounding.
 pub fn on_faces(mut position: [f64; 3], bounds: &Bounds) -> [f64; 3] {
     let faces = bounds.min.into_iter().zip(bounds.max).map(|(min, max)| [min, max].map(f64::from));
     for (at, [min, max]) in position.iter_mut().zip(faces) {

@@ -26,7 +26,7 @@ pub struct Sampler {
     levels: usize,
 }
 
-/// Levels whose colours have any number of lanes.
+/// Levels with any number of colour lanes.
 trait Values: Debug + Send + Sync {
     fn sample(&self, view: &View, places: ([f64; 3], [f64; 3]), level: usize) -> Sample;
 }
@@ -42,7 +42,7 @@ impl Sampler {
     ///
     /// # Errors
     ///
-    /// `Malformed` where its levels are damaged, `Unsupported` beyond 64 channels of colour and
+    /// `Malformed` if its levels are damaged, `Unsupported` beyond 64 channels of colour and
     /// features, and `OverLimit` for more memory than the limits allow.
     pub fn of_container(container: &Container) -> Result<Self> {
         let limits = container.limits();
@@ -57,7 +57,7 @@ impl Sampler {
         Ok(Self { view: View::of_baked(&field), values, levels: field.levels.len() })
     }
 
-    /// The rules of rendering that the container states.
+    /// The container's rendering rules.
     pub fn view(&self) -> &View {
         &self.view
     }
@@ -67,8 +67,8 @@ impl Sampler {
         self.levels
     }
 
-    /// The values at a `position` in world units, interpolated in one level. Outside the box,
-    /// outside the free-space mask and where nothing is stored, opacity is 0.
+    /// The values at a `position` in world units, interpolated in one level. Opacity is 0 outside
+    /// the box, outside the free-space mask and in blocks that are not stored.
     ///
     /// # Errors
     ///

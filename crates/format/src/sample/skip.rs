@@ -1,9 +1,9 @@
 //! Empty space that rays skip.
 //!
-//! The box is cut into *macro cells* of a few level-0 cells a side. A macro cell is *occupied* by a
-//! level if a sample of that level can be visible in it. Each macro cell has, for each level, its
-//! *skip distance*: the Chebyshev distance to the nearest occupied one, in macro cells. A ray
-//! passes all nearer macro cells at once.
+//! The box is cut into *macro cells* of a few level-0 cells per side. A macro cell is *occupied* by
+//! a level if a sample of that level can be visible in it. For each level, each macro cell has a
+//! *skip distance*: the Chebyshev distance to the nearest occupied one, in macro cells. A ray skips
+//! all closer macro cells at once.
 
 use super::free_cells::touched_cells;
 use super::skip_distance::distances;
@@ -14,9 +14,9 @@ use crate::model::scene::{Activation, FreeSpace, Lookup};
 
 use super::interpolated_density;
 
-/// Level-0 cells along a macro cell's edge where the box has few.
+/// Level-0 cells along a macro cell's edge in small boxes.
 const LEAST_EDGE: usize = 2;
-/// Macro cells along an axis, at most: more would not fit into a processor's caches.
+/// Maximum macro cells along an axis: more would not fit into a processor's caches.
 const MAX_CELLS: usize = 128;
 /// Macro cells along a brick's edge: a brick of bytes is a cache line.
 const BRICK: usize = 4;
@@ -28,12 +28,12 @@ pub enum Macro {
     Empty(usize),
     /// Samples count.
     Open,
-    /// Samples count where the free-space mask says so.
+    /// Samples count inside the free-space mask.
     Masked,
 }
 
-/// Macro cells of a field. Their bytes lie in bricks of a cache line each: a ray's next macro cells
-/// are in the same one for the most part.
+/// Macro cells of a field. Their bytes are in bricks of one cache line each, which usually contains
+/// a ray's next macro cells.
 #[derive(Debug, Clone)]
 pub struct SkipGrid {
     counts: [usize; 3],
@@ -47,19 +47,19 @@ pub struct SkipGrid {
     masked: Option<Vec<bool>>,
 }
 
-/// The place of a level's cells among the finest ones of a box: along each axis, that of the level's
-/// first node, and the finest cells in one of the level's.
+/// The place of a level's cells among the finest ones of a box: along each axis, the position of
+/// the level's first node, and the number of finest cells per cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellPlace(pub [[f64; 2]; 3]);
 
 impl CellPlace {
-    /// Of a level of `nodes` over the same box.
+    /// For a level of `nodes` over the same box.
     pub fn same_box(nodes: Nodes, finest: Nodes) -> Self {
         let cells = |axis: usize| (finest.0[axis] - 1) as f64 / (nodes.0[axis] - 1) as f64;
         Self([0, 1, 2].map(|axis| [0.0, cells(axis)]))
     }
 
-    /// Of a level of `nodes` over the box `own`, among those of `finest` nodes over the box `of`.
+    /// For a level of `nodes` over the box `own`, among those of `finest` nodes over the box `of`.
     pub fn between(nodes: Nodes, own: &BoxFrame, finest: Nodes, of: &BoxFrame) -> Self {
         let along = |axis: usize| {
             let cells = (finest.0[axis] - 1) as f64 * of.scale[axis];
@@ -79,8 +79,8 @@ pub struct OccupiedMacroCells {
 }
 
 impl OccupiedMacroCells {
-    /// For a level of `nodes` whose densities mean `domain`, at a `place` of the box whose finest
-    /// nodes are `finest`.
+    /// For a level of `nodes` with densities in `domain`, at a `place` of the box with `finest`
+    /// nodes.
     pub fn new(
         nodes: Nodes,
         finest: Nodes,
@@ -93,14 +93,14 @@ impl OccupiedMacroCells {
         Self { grid, place, limit, blocks: vec![false; grid.total()] }
     }
 
-    /// Marks the macro cells around node `at` if `density`, in the form that is interpolated, is
-    /// visible. Only cells with lowest nodes in `first..end` along each axis are considered.
+    /// Marks the macro cells around node `at` if `density`, in its interpolated form, is visible.
+    /// Only cells with lowest nodes in `first..end` along each axis are considered.
     #[inline]
     pub fn mark(&mut self, at: [usize; 3], density: f32, [first, end]: [[usize; 3]; 2]) {
         if density <= self.limit {
             return;
         }
-        // A block may overhang the level. Its nodes there are no corners, whatever they hold.
+        // A block may overhang the level. Its nodes outside are not corners.
         if (0..3).any(|axis| at[axis] > end[axis]) {
             return;
         }
@@ -125,8 +125,8 @@ impl OccupiedMacroCells {
 }
 
 impl SkipGrid {
-    /// For level 0 of `nodes` nodes. `occupied[level]` marks the macro cells that samples of that
-    /// level alone occupy, z fastest.
+    /// For level 0 of `nodes` nodes. `occupied[level]` marks the macro cells that only samples of
+    /// that level occupy, z fastest.
     pub fn new(
         nodes: Nodes,
         bounds: &Bounds,
@@ -174,10 +174,10 @@ impl SkipGrid {
         }
     }
 
-    /// The faces that the ray `start + k * step`, in positions `0..=1`, meets.
+    /// The faces along the ray `start + k * step`, in positions `0..=1`.
     pub fn faces(&self, start: [f64; 3], step: [f64; 3]) -> Faces {
         let along = |axis: usize| {
-            // Never left along an axis that the ray does not move along.
+            // The ray never leaves along an axis without motion.
             if step[axis] == 0.0 {
                 return [0.0, f64::INFINITY];
             }
@@ -189,15 +189,14 @@ impl SkipGrid {
     }
 }
 
-/// Where a ray crosses the faces of macro cells: along each axis, the index's growth from one face
-/// to the next along the axis, and the index at which the ray leaves the first macro cell, less its
-/// length in indices.
+/// A ray's crossings with the faces of macro cells: along each axis, the index increment between
+/// faces, and the index at which the ray leaves the first macro cell, minus that increment.
 #[derive(Debug, Clone, Copy)]
 pub struct Faces([[f64; 2]; 3]);
 
 impl Faces {
-    /// The least index at which the ray has left a macro cell and all those less than `distance`
-    /// away: it lies on a face that it moves towards. Infinity where it does not move.
+    /// The smallest index at which the ray has left a macro cell and all those less than `distance`
+    /// away, on a face ahead. Infinity without motion.
     #[inline(always)]
     pub fn leaves(&self, place: [usize; 3], distance: usize) -> f64 {
         let distance = distance as f64;
@@ -209,7 +208,7 @@ impl Faces {
     }
 }
 
-/// The number of a macro cell among all, brick after brick; there are so many bricks along y and z.
+/// The index of a macro cell, brick after brick, with these numbers of bricks along y and z.
 #[inline(always)]
 fn in_brick([x, y, z]: [usize; 3], [by, bz]: [usize; 2]) -> usize {
     let brick = (x / BRICK * by + y / BRICK) * bz + z / BRICK;
@@ -236,8 +235,8 @@ fn macro_counts(nodes: Nodes) -> [usize; 3] {
     nodes.0.map(|size| (size - 1).div_ceil(macro_edge(nodes)))
 }
 
-/// Marks the macro cells that a level's marked blocks overlap; a block holds the cells whose lowest
-/// nodes it holds.
+/// Marks the macro cells that overlap a level's marked blocks; a block has the cells of its nodes
+/// as lowest nodes.
 fn mark_blocks(
     blocks: &[bool],
     grid: BlockGrid,
@@ -254,7 +253,7 @@ fn mark_blocks(
         // Ends are multiples of 1 / (macro edge * cells), so rounding is less than this: cells that
         // only touch do not overlap.
         let (start, end) = ((low + 1e-9) as usize, (high - 1e-9).ceil() as usize);
-        // A block beside the box overlaps none.
+        // A block outside the box overlaps none.
         (start.min(end).min(counts[axis]), end.min(counts[axis]))
     };
     let mut marked = vec![false; counts.iter().product()];
@@ -271,11 +270,11 @@ fn mark_blocks(
     marked
 }
 
-/// The macro cells that the free-space mask divides.
+/// The macro cells that the free-space mask cuts.
 struct MaskedCells {
-    /// Some position of the macro cell is inside the mask.
+    /// Any position of the macro cell is inside the mask.
     touched: Vec<bool>,
-    /// Some is inside and some is not.
+    /// Some positions are inside and some are not.
     partly: Vec<bool>,
 }
 
@@ -302,10 +301,10 @@ impl MaskedCells {
     }
 }
 
-/// For each range between `faces` along an axis, whether it reaches beyond the mask's nodes, where
+/// For each range between `faces` along an axis, whether it extends beyond the mask's nodes, where
 /// everything is outside.
 fn beyond_nodes(free_space: &FreeSpace, axis: usize, faces: &[f64]) -> Vec<bool> {
-    // The nearest node's share of space ends half a node further.
+    // The last node's region ends half a node further.
     let margin = match free_space.lookup {
         Lookup::Nearest(_) => 0.5,
         Lookup::Trilinear { .. } => 0.0,
@@ -318,7 +317,7 @@ fn beyond_nodes(free_space: &FreeSpace, axis: usize, faces: &[f64]) -> Vec<bool>
     faces.windows(2).map(|range| !range.iter().all(is_within)).collect()
 }
 
-/// The mask whose inside is the other's outside, at its nodes.
+/// The inverse of a mask, at its nodes.
 fn free_space_complement(free_space: &FreeSpace) -> FreeSpace {
     let lookup = match &free_space.lookup {
         Lookup::Nearest(inside) => Lookup::Nearest(inside.iter().map(|inside| !inside).collect()),

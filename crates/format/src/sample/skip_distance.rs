@@ -1,10 +1,10 @@
 //! Distances to the nearest macro cell of a kind.
 
-/// The Chebyshev distance of each cell from the nearest marked one, in cells; at most 255.
+/// The Chebyshev distance of each cell from the nearest marked one, in cells, up to 255.
 pub(super) fn distances(marked: Vec<bool>, counts: [usize; 3]) -> Vec<u8> {
     let mut distances: Vec<u8> =
         marked.into_iter().map(|marked| if marked { 0 } else { 255 }).collect();
-    // One sweep from each end, over the 13 neighbours that it has passed, is exact for this metric.
+    // One sweep from each end, over the 13 visited neighbours, is exact for this metric.
     sweep(&mut distances, counts);
     distances.reverse();
     sweep(&mut distances, counts);

@@ -2,8 +2,8 @@
 //! the indirection table.
 //!
 //! A cell belongs to the block of its lowest node. The apron repeats the lowest nodes of the next
-//! blocks along each axis, so that all cells of a block are interpolated within its frame; where
-//! the next block is not stored the apron holds the level's empty values.
+//! blocks along each axis, so that all cells of a block are interpolated within its frame; if the
+//! next block is not stored, the apron has the level's empty values.
 
 use super::level::{Cell, Values, split};
 use super::skip::{CellPlace, OccupiedMacroCells, SkipGrid};
@@ -35,12 +35,12 @@ pub struct Sparse<const C: usize> {
 
 #[derive(Debug)]
 struct Level<const C: usize> {
-    /// Place in the box of everything, where that is another one.
+    /// Place in the outermost box, unless it is that box.
     frame: Option<BoxFrame>,
     depth_scale: f32,
     sizes: [usize; 3],
-    /// For each node along each axis, its addend to the number of its block, and to its own number
-    /// in its frame: divisions that rays would repeat.
+    /// For each node along each axis, its addends to the block number and to the node number in the
+    /// frame, which saves divisions per ray.
     parts: [Vec<[u32; 2]>; 3],
     /// Frame of each block, or [`NO_FRAME`].
     frames: Vec<u32>,
@@ -108,7 +108,7 @@ impl<const C: usize> Sparse<C> {
             let cells =
                 OccupiedMacroCells::new(nodes, finest, place, own.values.domain, activation);
             let cells = own.occupied(codes, edge, cells).map(|cells| cells.finish(finest));
-            // A level of colour alone shows level 0's density.
+            // A level with only colour uses level 0's density.
             occupied.extend(cells.or_else(|| occupied.first().cloned()));
         }
         occupied
@@ -283,7 +283,7 @@ impl<const C: usize> Level<C> {
             let first = place.map(|block| block * grid.edge);
             let end = [0, 1, 2].map(|axis| (first[axis] + grid.edge).min(grid.nodes.0[axis] - 1));
             if (0..3).any(|axis| first[axis] == end[axis]) {
-                // Only the last nodes of an axis, which are no cell's lowest.
+                // Only the last nodes of an axis, which are not the lowest of any cell.
                 continue;
             }
             for (i, &value) in frame.iter().enumerate() {
@@ -297,7 +297,7 @@ impl<const C: usize> Level<C> {
     }
 }
 
-/// The lane of a group's first channel: groups follow each other, but for directional brightness,
+/// The lane of a group's first channel: groups are consecutive, except directional brightness,
 /// which has the last lanes.
 fn first_lane(group: Group, layout: ColorLayout, lanes: usize) -> usize {
     match group {
@@ -334,7 +334,7 @@ fn apron_frame(
         }
         let Some(frame) = level.table.frame(neighbour) else { continue };
         let block = (frame * channels + channel) * grid.block_nodes();
-        // The block itself, or the lowest nodes of a neighbour along each axis that is up.
+        // The block itself, or the lowest nodes of a neighbour along each axis with `up`.
         let count = up.map(|up| if up == 1 { 1 } else { edge });
         for x in 0..count[0] {
             for y in 0..count[1] {

@@ -1,4 +1,4 @@
-//! The rules of rendering that a trained scene or a container states, as one set.
+//! The rendering rules of a trained scene or a container.
 
 use crate::base::error::{Place, Result};
 use crate::model::baked::{BakedField, Blend, LevelOfDetail, StepRule};
@@ -6,14 +6,14 @@ use crate::model::grid::{Bounds, BoxFrame, Nodes};
 use crate::model::scene::{Activation, ColorDomain, FreeSpace, March, voxels_along};
 use crate::model::view_dependence::ViewDependence;
 
-/// Everything but the values between nodes.
+/// All rules, without the field's values.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// The box of everything.
+    /// The outermost box.
     pub bounds: Bounds,
     /// The box of level 0.
     pub finest_bounds: Bounds,
-    /// Places of nested boxes in `bounds`, that of level 0 first; empty where all levels span it.
+    /// Places of nested boxes in `bounds`, level 0's first; empty if all levels span it.
     pub boxes: Vec<BoxFrame>,
     /// Nodes of level 0.
     pub nodes: Nodes,
@@ -23,15 +23,15 @@ pub struct View {
     pub march: March,
     /// Colour behind the field.
     pub background: [f32; 3],
-    /// Optical depths that levels store, times this, are those over one interval.
+    /// Factor from stored optical depths to those over one interval.
     pub depth_scale: f32,
     /// Mixing of two levels.
     pub blend: Blend,
-    /// Distance of samples of coarser levels.
+    /// Spacing of samples of coarser levels.
     pub step_rule: StepRule,
     /// The rule for the level that a sample reads; none reads the finest.
     pub level_of_detail: Option<LevelOfDetail>,
-    /// The finest level that samples may read: 0 but for prefixes of containers.
+    /// The finest level that samples may read: 0 except for prefixes of containers.
     pub finest: usize,
     /// View-dependent colour.
     pub view_dependence: Option<ViewDependence>,
@@ -73,7 +73,7 @@ impl View {
         }
     }
 
-    /// Refuses rules that no picture can be made by.
+    /// Refuses rules that cannot be rendered.
     ///
     /// # Errors
     /// `Malformed`, with the rule as its place.
@@ -94,13 +94,13 @@ impl View {
         }
     }
 
-    /// Voxels of level 0 along the box of everything.
+    /// Voxels of level 0 along the outermost box.
     pub fn voxels(&self) -> [f64; 3] {
         voxels_along(self.nodes, &self.finest_bounds, &self.bounds)
     }
 
-    /// The number of the smallest box that holds a place in shares of the box of everything: no level
-    /// before it shows anything there.
+    /// The number of the smallest box around a place in shares of the outermost box: finer levels
+    /// have no content there.
     pub fn box_at(&self, share: [f64; 3]) -> usize {
         let within =
             |frame: &BoxFrame| frame.place(share).iter().all(|at| (0.0..=1.0).contains(at));
@@ -108,15 +108,15 @@ impl View {
         found.unwrap_or(self.boxes.len().saturating_sub(1))
     }
 
-    /// Takes another step length, in voxels; the interval goes with it.
+    /// Sets another step length, in voxels; the interval scales with it.
     pub fn set_stepsize(&mut self, stepsize: f32) {
         self.activation.interval *= stepsize / self.march.stepsize;
         self.depth_scale *= stepsize / self.march.stepsize;
         self.march.stepsize = stepsize;
     }
 
-    /// True if the free-space mask keeps a sample at a place in shares of the box. The mask is that of
-    /// level 0's box; it keeps everything outside.
+    /// True if the free-space mask keeps a sample at a place in shares of the box. The mask is that
+    /// of level 0's box; it keeps everything outside.
     pub fn keeps(&self, position: [f64; 3]) -> bool {
         let extent = self.bounds.extent();
         let world =

@@ -1,4 +1,4 @@
-//! The coarse checkpoint, which alone says how the mask's density becomes opacity.
+//! The coarse checkpoint, the only source of the rule from the mask's density to opacity.
 //!
 //! Only its settings are read (`MaskCache_kwargs` at its top level: `act_shift` and
 //! `voxel_size_ratio`); its grids are not. A fine checkpoint has a dictionary of the same name, but
@@ -27,7 +27,7 @@ pub(super) struct Coarse {
     pub(super) shift: f64,
     /// Interval of one voxel.
     pub(super) ratio: f64,
-    /// The file that says so, with its digest; none where it was assumed.
+    /// The file that states it, with its digest; none if it was assumed.
     pub(super) file: Option<(PathBuf, [u8; 32])>,
 }
 
@@ -44,7 +44,7 @@ pub(super) fn find(
     }
     let mut failure = None;
     for path in candidates(names, checkpoint) {
-        // A name out of a checkpoint may be that of a device or a pipe.
+        // A name from a checkpoint may be a device or a pipe.
         if !path.is_file() {
             continue;
         }
@@ -68,9 +68,9 @@ pub(super) fn find(
     Ok(Coarse { shift: march::shift(ALPHA_INIT, &Place::File)?, ratio: 1.0, file: None })
 }
 
-/// The files that it may be, the likeliest first. A checkpoint states the path on the machine that
-/// trained it. Only the file name of that path counts, beside the checkpoint: a file from elsewhere
-/// must not choose which paths of this machine are opened.
+/// Candidate files, the likeliest first. A checkpoint states the path on the machine that trained
+/// it. Only the file name of that path counts, beside the checkpoint: a file from elsewhere must
+/// not choose which paths of this machine are opened.
 fn candidates(names: &NamedValues<'_>, checkpoint: &Path) -> Vec<PathBuf> {
     let folder = checkpoint.parent().unwrap_or(Path::new(""));
     let stated = match names.setting("mask_cache_path") {

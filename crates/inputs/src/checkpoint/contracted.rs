@@ -1,9 +1,9 @@
 //! Unbounded scenes of DirectVoxGO, whose space is contracted beyond an inner box.
 //!
-//! The grid spans `-1 - bg_len` to `1 + bg_len` along each axis, in half sizes of the inner box about
-//! its centre. Where the norm of a position is at most 1, it is not contracted: there the grid is a
-//! plain one. The rest holds all of the outer space. A reader that does not sample it at the nodes of other boxes
-//! leaves it out on request.
+//! The grid spans `-1 - bg_len` to `1 + bg_len` along each axis, in half sizes of the inner box
+//! about its centre. Positions with a norm of at most 1 are not contracted: there the grid is a
+//! plain one. The rest holds all of the outer space, which is either sampled at the nodes of more
+//! boxes or dropped on request.
 
 use super::names::NamedValues;
 use crate::base::error::{Error, Place, Result};
@@ -13,7 +13,7 @@ use crate::options::SourceOptions;
 use crate::source::Assumption;
 use crate::tensor::Value;
 
-/// Unequal edges of the inner box, up to this share, are those of a cube that was rounded.
+/// Edges of the inner box that differ by up to this share are those of a rounded cube.
 const ROUNDED: f64 = 1e-4;
 
 /// The inner box of a contracted scene.
@@ -23,8 +23,8 @@ pub struct Inner {
     pub center: [f64; 3],
     /// Half its edge.
     pub radius: f64,
-    /// True where the norm is Euclidean, and the inner space a ball; else the largest of the axes
-    /// decides, and it is the whole box.
+    /// True for the Euclidean norm, with a ball as the inner space; false for the maximum norm,
+    /// with the whole box.
     pub ball: bool,
 }
 
@@ -32,8 +32,7 @@ impl Inner {
     /// The inner box of a contracted scene; none for other scenes.
     ///
     /// # Errors
-    /// `Unsupported` unless the surroundings are to be left out, `Malformed` for a box that is no
-    /// cube.
+    /// `Unsupported` unless the surroundings are dropped, `Malformed` for a box that is not a cube.
     pub fn find(names: &NamedValues<'_>, options: &SourceOptions) -> Result<Option<Self>> {
         let settings = ["bg_len", "contracted_norm"];
         let stated = settings.iter().find(|name| names.setting(name).is_some());
@@ -62,7 +61,7 @@ impl Inner {
             return Err(Error::malformed(place, format!("{radii:?}"), "half the edge of a cube"));
         }
         let ball = match names.setting("contracted_norm") {
-            // The first version had no other norm than the Euclidean one.
+            // The first version had only the Euclidean norm.
             None => true,
             Some(Value::Text(norm)) if norm == "l2" => true,
             Some(Value::Text(norm)) if norm == "inf" => false,
@@ -82,7 +81,7 @@ impl Inner {
     /// The world's box of one that is stated in half sizes of the inner box.
     ///
     /// # Errors
-    /// `Malformed` where it does not hold the inner box.
+    /// `Malformed` if it does not contain the inner box.
     pub fn to_world(&self, stored: Bounds) -> Result<Bounds> {
         let corners = stored.min.into_iter().zip(stored.max);
         if !corners.clone().all(|(low, high)| low <= -1.0 && high >= 1.0) {
@@ -108,7 +107,7 @@ impl Inner {
         world
     }
 
-    /// The mask in the world, without nodes whose surroundings are contracted.
+    /// The mask in the world, without nodes with contracted neighbourhoods.
     pub fn crop(&self, mut mask: FreeSpace) -> FreeSpace {
         let ([_, ny, nz], scale, shift) = (mask.nodes.0, mask.scale, mask.shift);
         if let (Lookup::Nearest(inside), true) = (&mut mask.lookup, self.ball) {

@@ -1,4 +1,4 @@
-//! The two grids, the box they span, and the models that this is not.
+//! The two grids, the box they span, and refused models.
 
 use super::names::NamedValues;
 use super::stored::StoredGrid;
@@ -7,8 +7,8 @@ use crate::base::limits::Limits;
 use crate::model::grid::Bounds;
 use crate::source::{Assumption, Family};
 
-/// Other models' checkpoints, and the reason why they cannot be baked: names of weights (a dot at
-/// the end stands for all that start so), names of settings, the reason.
+/// Checkpoints of other models that cannot be baked: names of weights (a trailing dot matches a
+/// prefix), names of settings, the reason.
 const OTHERS: [(&[&str], &[&str], &str); 3] = [
     (&[], &["fourier_freq_num"], "an unbounded scene whose grid holds Fourier coefficients"),
     (&["act_shift.grid"], &["mpi_depth"], "a multiplane scene, whose opacity depends on the plane"),
@@ -92,7 +92,7 @@ pub(super) fn bounds(names: &NamedValues<'_>) -> Result<Bounds> {
     Ok(bounds)
 }
 
-/// Keeps the diffuse channels only, if that was asked for or nothing could use the others.
+/// Keeps only the diffuse channels, if requested or if nothing uses the others.
 pub(super) fn drop_features(
     color: &mut StoredGrid,
     asked: bool,

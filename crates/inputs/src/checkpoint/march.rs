@@ -14,11 +14,11 @@ use crate::options::SourceOptions;
 use crate::source::{Assumption, Family};
 use crate::tensor::Value;
 
-/// Step length in voxels where no option says another: DirectVoxGO's.
+/// Default step length in voxels: DirectVoxGO's.
 const STEPSIZE: f32 = 0.5;
-/// Opacity that training starts from where the checkpoint does not say.
+/// Initial opacity of training, if the checkpoint does not state it.
 const ALPHA_INIT: f64 = 1e-2;
-/// Weight up to which samples add no colour where nothing says another.
+/// Default weight up to which samples add no colour.
 const COLOR_THRESHOLD: f32 = 1e-4;
 
 /// The density shift that makes a raw value of 0 an opacity of `alpha_init`.
@@ -76,7 +76,7 @@ pub(super) fn find(
         near: options.near.or(recorded.near).unwrap_or(0.0),
         far: options.far.or(recorded.far),
         color_threshold,
-        // Mip-VoG keeps faint samples, for their opacity counts.
+        // Mip-VoG keeps faint samples, because their opacity counts.
         alpha_threshold: stored.filter(|_| family == Family::Dvgo).unwrap_or(0.0),
         sampled: None,
         voxel: None,
@@ -104,7 +104,7 @@ pub(super) struct Recorded {
 }
 
 impl Recorded {
-    /// Finds them; refuses values that no scene has.
+    /// Finds them, and refuses impossible values.
     pub(super) fn find(names: &NamedValues<'_>) -> Result<Self> {
         let number = |name: &str| -> Result<Option<f32>> {
             names.recorded(name)?.map(|value| narrow(name, value)).transpose()
@@ -140,7 +140,7 @@ impl Recorded {
     }
 }
 
-/// The shift of this checkpoint's own density: as stored, for training may have changed it.
+/// The shift of this checkpoint's own density: as stored, because training may have changed it.
 fn own_shift(names: &NamedValues<'_>, assumptions: &mut Vec<Assumption>) -> Result<f64> {
     if let Some(stored) = names.weight("act_shift") {
         return stored.number("act_shift");
@@ -219,7 +219,7 @@ fn voxels(
 /// at most this weight.
 fn threshold(names: &NamedValues<'_>) -> Result<Option<f32>> {
     let value = match names.setting("fast_color_thres") {
-        // Forks change it while they train: thresholds by the step that they start at.
+        // Forks change it during training: thresholds by starting step.
         Some(schedule @ Value::Dict(_)) => last_of_schedule(schedule)?,
         _ => names.number("fast_color_thres")?,
     };
@@ -231,7 +231,7 @@ fn threshold(names: &NamedValues<'_>) -> Result<Option<f32>> {
     Err(Error::malformed(place, value.to_string(), "an opacity from 0 to 1"))
 }
 
-/// The value of a schedule by steps that training ended with.
+/// The final value of a schedule by steps.
 fn last_of_schedule(schedule: &Value) -> Result<Option<f64>> {
     let steps = schedule.entries().iter().filter_map(|(step, value)| {
         Some((step.parse::<f64>().ok().filter(|step| step.is_finite())?, value))

@@ -1,7 +1,7 @@
 //! The free-space mask: the region in which training kept samples.
 //!
-//! Three generations: the coarse stage's raw density, already max-pooled, to be interpolated and
-//! held against a threshold (`mask_cache.density`); a boolean mask with an affine index map
+//! Three generations: the coarse stage's raw density, already max-pooled, which is interpolated and
+//! compared with a threshold (`mask_cache.density`); a boolean mask with an affine index map
 //! (`mask_cache.mask`); a boolean mask on the fine nodes alone (`nonempty_mask`).
 //!
 //! A point is inside the first where its opacity, with the *coarse* model's shift and ratio and
@@ -24,7 +24,7 @@ use crate::options::SourceOptions;
 use crate::source::Assumption;
 use crate::tensor::Tensor;
 
-/// Opacity that the coarse model must reach where the checkpoint does not say.
+/// Default opacity that the coarse model must reach.
 const THRESHOLD: f64 = 1e-3;
 
 /// A mask that was found; its values are not yet read.
@@ -37,9 +37,9 @@ pub(super) struct Mask<'a> {
     shift: [f64; 3],
     /// Raw density to reach; none for boolean values.
     pub(super) threshold: Option<f32>,
-    /// The coarse checkpoint that the threshold comes from.
+    /// The coarse checkpoint with the threshold.
     pub(super) coarse: Option<Coarse>,
-    /// The inner box of a contracted scene, in whose half sizes the mask is stored.
+    /// The inner box of a contracted scene; the mask is stored in its half sizes.
     pub(super) inner: Option<Inner>,
 }
 
@@ -146,7 +146,7 @@ fn raw_threshold(opacity: f64, shift: f64, ratio: f64) -> Result<f32> {
     march::narrow("mask_cache_thres", raw - shift)
 }
 
-/// The box of the mask: its own, or the scene's where it has none.
+/// The box of the mask: its own, or else the scene's.
 fn own_box(names: &NamedValues<'_>, bounds: &Bounds) -> Result<Bounds> {
     let (min, max) = (names.vector3("mask_cache.xyz_min")?, names.vector3("mask_cache.xyz_max")?);
     let (Some(min), Some(max)) = (min, max) else { return Ok(*bounds) };

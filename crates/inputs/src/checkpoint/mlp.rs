@@ -11,7 +11,7 @@ use crate::model::view_mlp::{Layer, ViewInput, ViewMlp};
 use crate::source::{Assumption, Family};
 use crate::tensor::{Tensor, Value};
 
-/// Octaves of the direction's embedding where the checkpoint does not say.
+/// Default octaves of the direction's embedding.
 const FREQUENCIES: usize = 4;
 /// The most octaves that make sense in float32.
 const MAX_FREQUENCIES: usize = 16;
@@ -36,8 +36,8 @@ pub(super) fn find(
     let place = Place::Tensor("rgbnet".into());
     let frequencies = frequencies(names, assumptions)?;
     let mlp = ViewMlp::new(layers, frequencies, features, &place)?;
-    // A network of DirectVoxGO proper can be as wide as a deferred one would be, but takes each
-    // sample's own features.
+    // A plain DirectVoxGO network can have the width of a deferred one, but takes the features of
+    // each sample.
     if family == Family::Dvgo && features != DEFERRED_FEATURES {
         let found = format!(
             "a colour grid of {} channels with a network of width {} that runs at every sample",
@@ -137,7 +137,7 @@ fn frequencies(names: &NamedValues<'_>, assumptions: &mut Vec<Assumption>) -> Re
                 return Err(Error::malformed(place, found, "at most 16 frequencies"));
             }
         };
-        // A tensor without elements has no frequencies, and only the direction is embedded.
+        // For a tensor without elements, only the direction itself is embedded.
         let found = if count == 0 {
             Vec::new()
         } else {

@@ -29,7 +29,7 @@ pub struct NamedValues<'a> {
 }
 
 impl<'a> NamedValues<'a> {
-    /// Sorts the contents of `file`.
+    /// Splits the contents of `file` into weights and settings.
     pub fn new(file: &'a TensorFile) -> Self {
         let mut names = Self {
             root: &file.root,
@@ -37,7 +37,7 @@ impl<'a> NamedValues<'a> {
             settings: BTreeMap::new(),
             as_mask: file.root.get(AS_MASK),
         };
-        // The least specific first, for later ones replace them.
+        // The least specific first, because later ones override them.
         for (key, value) in file.root.entries() {
             if matches!(value, Value::Dict(_)) {
                 continue;
@@ -80,7 +80,7 @@ impl<'a> NamedValues<'a> {
         self.weight(name).and_then(Value::tensor)
     }
 
-    /// True if a weight's name starts so.
+    /// True if the name of any weight has this prefix.
     pub(super) fn has_prefix(&self, prefix: &str) -> bool {
         self.state.range(prefix..).next().is_some_and(|(name, _)| name.starts_with(prefix))
     }
@@ -102,9 +102,8 @@ impl<'a> NamedValues<'a> {
         self.setting(name).map(|value| value.number(&format!("{SETTINGS}.{name}"))).transpose()
     }
 
-    /// A number that training or rendering was set to, where the checkpoint keeps its
-    /// configuration: among the settings, or in a dictionary as DirectVoxGO's configurations are
-    /// made.
+    /// A number of the configuration of training or rendering, from the settings or from a
+    /// dictionary in the form of DirectVoxGO's configurations.
     pub(super) fn recorded(&self, name: &str) -> Result<Option<f64>> {
         self.recorded_value(name).map(|value| value.number(name)).transpose()
     }
@@ -136,7 +135,7 @@ impl<'a> NamedValues<'a> {
         self.setting(name).or(configured)
     }
 
-    /// A setting that is true or false; false where it is missing.
+    /// A boolean setting; false if missing.
     pub fn flag(&self, name: &str) -> Result<bool> {
         self.setting(name).map_or(Ok(false), |value| value.boolean(&format!("{SETTINGS}.{name}")))
     }
@@ -149,14 +148,14 @@ impl<'a> NamedValues<'a> {
             .transpose()
     }
 
-    /// A number that describes this model's own density.
+    /// A setting of this model's own density.
     pub(super) fn own_mask_number(&self, name: &str) -> Result<Option<f64>> {
         let value = self.as_mask.and_then(|dict| dict.get(name)).filter(|value| !value.is_none());
         value.map(|value| value.number(&format!("{AS_MASK}.{name}"))).transpose()
     }
 }
 
-/// A setting from its text, as JSON or Python spell it.
+/// A setting from its text, in JSON or Python syntax.
 fn setting(text: &str) -> Value {
     fn plain(json: serde_json::Value) -> Option<Value> {
         Some(match json {

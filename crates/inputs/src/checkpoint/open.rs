@@ -18,14 +18,14 @@ use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, SideFile, Source};
 use crate::tensor::{self, TensorFile};
 
-/// Opacity that coarse stages start from, at most; fine ones start from 1e-2.
+/// Maximum initial opacity of coarse stages; fine stages start at 1e-2.
 const COARSE_ALPHA: f64 = 1e-5;
 
 /// Opens a checkpoint of any kind.
 ///
 /// # Errors
 /// `Unsupported` for models that are not grids in a box or whose network runs for each
-/// sample, `Malformed` where parts are missing or do not fit, `InvalidOption` for options out of
+/// sample, `Malformed` if parts are missing or do not fit, `InvalidOption` for options out of
 /// range.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let path = file.file.path();
@@ -37,7 +37,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     Ok(source)
 }
 
-/// An unbounded scene: a field without colours that a network gives, and what all of space means.
+/// An unbounded scene: a field without network colours, and the meaning of contracted space.
 #[derive(Debug)]
 pub struct Whole {
     /// Settings and grids; the box is that of contracted space.
@@ -134,7 +134,7 @@ fn assemble<'a>(
             let other = tensor::open(path, limits)?;
             let other = unwrapped(&other);
             let names = NamedValues::new(&other);
-            // A network that was named is meant to run once a ray.
+            // A network from an option runs once per ray.
             let found = mlp::find(&names, Family::MipVog, features, limits, &mut assumptions)
                 .map_err(|error| error.in_file(path))?;
             let digest = other.digest;
@@ -174,7 +174,7 @@ fn assemble<'a>(
         .as_ref()
         .filter(|_| side_files.iter().all(|side_file: &SideFile| side_file.role != "coarse"))
     {
-        // A file that was named must be there, even where this scene does without it.
+        // A named file must exist, even if this scene does not need it.
         SourceFile::open(path)?;
         assumptions.push(Assumption {
             key: "coarse",

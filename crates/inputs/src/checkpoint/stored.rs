@@ -1,4 +1,4 @@
-//! A grid of a checkpoint: an array of nodes, or factors whose products they are.
+//! A grid of a checkpoint: an array of nodes, or factors of their values.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ const TERMS: [Term; 3] = [
     ("yz_plane", [1, 2], "x_vec", 0),
 ];
 
-/// A grid that was found; its values are not yet read.
+/// A grid with unread values.
 #[derive(Debug, Clone)]
 pub struct StoredGrid {
     /// The tensor that errors name.
@@ -41,7 +41,7 @@ impl StoredGrid {
     /// A grid under its name of either generation, or a `TensoRFGrid`.
     ///
     /// # Errors
-    /// `WrongKind` where there is none, `Malformed` where shapes do not fit.
+    /// `WrongKind` if there is none, `Malformed` if shapes do not fit.
     pub fn find(names: &NamedValues<'_>, name: &str, limits: &Limits) -> Result<Self> {
         let newer = format!("{name}.grid");
         let (name, values) =

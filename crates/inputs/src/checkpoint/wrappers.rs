@@ -1,5 +1,5 @@
-//! Prefixes that wrappers of a model put before the names of its weights, and the dictionaries that
-//! some programs save weights in.
+//! Prefixes that model wrappers add to the names of weights, and dictionaries in which some
+//! programs save weights.
 //!
 //! | wrapper | before the names |
 //! |---|---|
@@ -13,9 +13,9 @@ use std::collections::BTreeSet;
 use super::names::STATE;
 use crate::tensor::{TensorFile, Value};
 
-/// Put before names by wrappers.
+/// Prefixes from wrappers.
 const WRAPPERS: [&str; 2] = ["module.", "_orig_mod."];
-/// Put before them by those who save: a wrapper may come after any of these.
+/// Prefixes from saving code; a wrapper's prefix may follow any of these.
 const HEADS: [&str; 7] = [
     "",
     "model_state_dict.",
@@ -25,12 +25,12 @@ const HEADS: [&str; 7] = [
     "_model.",
     "pipeline._model.",
 ];
-/// Dictionaries that stand for [`STATE`] where they hold a density.
+/// Dictionaries that are used as [`STATE`] if they hold a density.
 const OUTER: [&str; 3] = ["state_dict", "model", "network_state_dict"];
 /// Names of densities.
 const DENSITIES: [&str; 3] = ["density.grid", "density", "density.xy_plane"];
 
-/// The file with the names that its model has by itself. All readers of checkpoints see these.
+/// The file with the model's own names, for all readers of checkpoints.
 pub fn unwrapped(file: &TensorFile) -> Cow<'_, TensorFile> {
     let Value::Dict(entries) = &file.root else { return Cow::Borrowed(file) };
     let mut current = Cow::Borrowed(entries.as_slice());
@@ -55,7 +55,7 @@ pub fn unwrapped(file: &TensorFile) -> Cow<'_, TensorFile> {
     }
 }
 
-/// The entries without the prefixes of wrappers; none if there are none.
+/// The entries without wrapper prefixes; none if there are no prefixes.
 fn renamed(entries: &[(String, Value)]) -> Option<Vec<(String, Value)>> {
     let mut names: Vec<Cow<'_, str>> = entries.iter().map(|(name, _)| name.into()).collect();
     let mut is_changed = false;
@@ -71,8 +71,8 @@ fn renamed(entries: &[(String, Value)]) -> Option<Vec<(String, Value)>> {
     is_changed.then(|| names.zip(entries).map(|(name, (_, value))| (name, value.clone())).collect())
 }
 
-/// A head, and the head with a wrapper's prefix that names start with. A name that would be there
-/// twice without it is no wrapper's.
+/// A saver's prefix, and the same followed by a wrapper's prefix that names start with. If
+/// stripping it would create a duplicate name, it is not a wrapper's.
 fn shared_prefix(names: &[Cow<'_, str>]) -> Option<(&'static str, String)> {
     let known: BTreeSet<&str> = names.iter().map(AsRef::as_ref).collect();
     HEADS.iter().find_map(|head| {
@@ -89,7 +89,7 @@ fn shared_prefix(names: &[Cow<'_, str>]) -> Option<(&'static str, String)> {
     })
 }
 
-/// The entries with weights under [`STATE`] that stand under another key; none if they do not.
+/// The entries with weights moved from another key to [`STATE`]; none if they are there already.
 fn with_state(entries: &[(String, Value)]) -> Option<Vec<(String, Value)>> {
     let flat = format!("{STATE}.");
     if entries.iter().any(|(name, _)| name == STATE || name.starts_with(&flat)) {
@@ -148,7 +148,7 @@ mod tests {
             let found = renamed(&plain(before)).expect("a wrapper");
             assert_eq!(names(&found), after);
         }
-        // Names that two would have are their own.
+        // Names that would become duplicates stay.
         for own in [&["module.density", "density"][..], &["density.module"], &["module."], &[]] {
             assert!(renamed(&plain(own)).is_none(), "{own:?}");
         }

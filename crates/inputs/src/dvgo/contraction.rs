@@ -6,7 +6,8 @@
 //! c = y / n (1 + b - b / n)        beyond, b = the background's length
 //! ```
 //!
-//! So all of space is in the box from `-1 - b` to `1 + b`. A step of the world is there
+//! So all of space is in the box from `-1 - b` to `1 + b`. There, a step in the world has this
+//! length:
 //!
 //! ```text
 //! along y: b / n^2 times as long,  across: (1 + b - b / n) / n times
@@ -28,7 +29,7 @@ pub(super) struct Contraction {
     background: f64,
 }
 
-/// A position beside the inner box.
+/// A position relative to the inner box.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spot {
     /// In half sizes of the inner box, from its centre.
@@ -38,10 +39,10 @@ pub(super) struct Spot {
 }
 
 impl Contraction {
-    /// Of a scene whose contracted space is this box, in half sizes of the inner one.
+    /// For a scene whose contracted space is this box, in half sizes of the inner one.
     ///
     /// # Errors
-    /// `Malformed` for a box that is no cube around the inner one.
+    /// `Malformed` for a box that is not a cube around the inner one.
     pub(super) fn new(inner: Inner, contracted: &Bounds) -> Result<Self> {
         let [high, ..] = contracted.max;
         let corners = contracted.max.into_iter().chain(contracted.min.map(|at| -at));

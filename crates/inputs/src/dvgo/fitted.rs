@@ -11,10 +11,10 @@ use crate::tensor::Tensor;
 pub(super) const OCTAVES: u64 = 16;
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
-/// The degree of a fit that nobody asked for another of.
+/// Default degree of a fit.
 const DEGREE: usize = 2;
 
-/// The network of a checkpoint, which takes so many features of each sample.
+/// The network of a checkpoint, which takes this many features of each sample.
 ///
 /// # Errors
 /// Those of [`NetworkFile::new`].

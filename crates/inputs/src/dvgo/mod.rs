@@ -1,19 +1,19 @@
-//! DirectVoxGO as it trains by default: a network that runs for every sample.
+//! DirectVoxGO with its default network, which runs for every sample.
 //!
 //! Density, settings and the mask are those of [`checkpoint`](crate::checkpoint). All
 //! channels of `k0` are inputs of the network, with the direction and its embedding; without
 //! `rgbnet_direct` the first three are logits of colours, to which the network adds.
 //!
-//! Density and features are arrays of nodes or [`factors`](crate::factors). An unbounded scene
-//! is sampled in boxes around each other ([`nested`](crate::nested)), or cropped to its inner box,
-//! where its grid is a plain one.
+//! Density and features are arrays of nodes or [`factors`](crate::factors). An unbounded scene is
+//! sampled in nested boxes ([`nested`](crate::nested)), or cropped to its inner box, where its grid
+//! is a plain one.
 //!
 //! **The field** has harmonics that are fitted to the network at each node.
 //!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of
-//! DirectVoxGO's renderer: samples of a low opacity are left out, the network colours those of a
-//! weight over a threshold, and a ray ends at a transmittance of 1e-3. In unbounded scenes samples
-//! are counted from the camera, and lie ever farther apart.
+//! DirectVoxGO's renderer: samples of low opacity are skipped, the network colours samples with a
+//! weight over a threshold, and a ray ends at a transmittance of 1e-3. In unbounded scenes, samples
+//! are counted from the camera, with growing distances.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

@@ -25,7 +25,7 @@ use crate::network::{Network, NetworkFile};
 
 /// Transmittance below which a ray ends.
 pub(super) const MIN_TRANSMITTANCE: f64 = 1e-3;
-/// Samples no farther beyond a face than this, in nodes, lie on it.
+/// Samples at most this far beyond a face, in nodes, lie on it.
 const ON_FACE: f64 = 1e-6;
 
 /// A checkpoint, ready to be loaded.
@@ -84,7 +84,7 @@ impl Dvgo {
         at
     }
 
-    /// Optical depth of a step at a position, 0 where the mask is not set.
+    /// Optical depth of a step at a position; 0 outside the mask.
     fn depth(&self, world: [f64; 3]) -> f64 {
         let (at, Nodes(counts)) = (self.to_nodes(world), self.field.scene.nodes);
         let on =

@@ -15,7 +15,7 @@ use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Family, Source};
 use crate::tensor::{Tensor, TensorFile};
 
-/// Channels of `k0` whose network runs once a ray.
+/// Channels of `k0` for a network that runs once per ray.
 const DEFERRED_CHANNELS: u64 = 7;
 
 /// True for checkpoints of DirectVoxGO whose network takes the colours' features of each sample.
@@ -45,7 +45,7 @@ fn few(octaves: &Tensor) -> bool {
     octaves.count() <= OCTAVES
 }
 
-/// Opens a checkpoint. Without the network it is opened as any other.
+/// Opens a checkpoint. Without the network, it is opened like any other.
 ///
 /// # Errors
 /// Those of [`checkpoint::open_tensors`], and layers that do not follow each other.

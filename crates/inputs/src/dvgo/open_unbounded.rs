@@ -19,7 +19,7 @@ use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Family, Source};
 use crate::tensor::TensorFile;
 
-/// The field of an unbounded scene: boxes around each other.
+/// The field of an unbounded scene: nested boxes.
 pub(super) fn open(
     file: &TensorFile,
     whole: Whole,
@@ -90,7 +90,7 @@ fn plan(world: &WorldFile, options: &SourceOptions, limits: &Limits) -> Result<V
 }
 
 impl WorldFile {
-    /// The mask at its own nodes, and as far beyond them as the first box reaches.
+    /// The mask at its own nodes, extended to the first box.
     fn free_space(&self, first: &Lattice, limits: &Limits) -> Result<Option<FreeSpace>> {
         let Some(mask) = &self.mask else { return Ok(None) };
         let middle = self.contraction.middle();

@@ -23,11 +23,11 @@ use crate::model::ray_march::{Composite, Next, point_at, unit_direction, walk};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::nested::World;
 
-/// The part of a step that has to pass before a sample counts.
+/// The fraction of a step that must pass before a sample counts.
 const COUNTS: f64 = 0.95;
-/// Half sizes of the inner box where the steps begin to grow.
+/// Distance at which steps begin to grow, in half sizes of the inner box.
 const GROWS: f64 = 2.0;
-/// Steps end so many times as far.
+/// Factor from there to the end of the steps.
 const FARTHEST: f64 = 128.0;
 
 /// A checkpoint of an unbounded scene.
@@ -46,11 +46,11 @@ struct Loaded {
     whole: Arc<Whole>,
 }
 
-/// Half sizes of the inner box that rays reach.
+/// Reach of rays, in half sizes of the inner box.
 pub(super) const REACH: f64 = GROWS * FARTHEST;
 
 impl Loaded {
-    /// Even steps, and as many that grow.
+    /// Number of even steps, and of growing steps.
     fn steps(&self) -> f64 {
         let Nodes([nodes, ..]) = self.file.density.nodes();
         let stepsize = f64::from(self.file.scene.march.stepsize);

@@ -14,10 +14,11 @@ use crate::model::grid::Nodes;
 use crate::nested::{ColoredWorld, World};
 use crate::network::{Batch, BatchNetwork, Colors, Network, NetworkFile, Scratch};
 
-/// Half sides of the inner box at which rays pass its middle. Boxes of a reference scene show its
-/// own pictures best with this one: 32.5 dB, against 27.5 for steps along the position, 23.0 for the
-/// geometric mean of all directions and 20.1 for steps across. Its renderer's few samples beyond the
-/// inner box leave 32.8 to any constant medium.
+/// Distance at which rays pass the middle of the inner box, in half sides. Boxes of a reference
+/// scene come closest to its own pictures with this value: 32.5 dB, against 27.5 for steps along
+/// the position, 23.0 for the geometric mean of all directions and 20.1 for steps across. The limit
+/// for any constant medium is 32.8 dB, because the scene's renderer takes few samples beyond the
+/// inner box.
 const OFF_AXIS: f64 = 0.3;
 
 /// A checkpoint of an unbounded scene, ready to be loaded.
@@ -26,7 +27,7 @@ pub(super) struct WorldFile {
     pub(super) contraction: Contraction,
     pub(super) density: StoredGrid,
     pub(super) features: StoredGrid,
-    /// Without one the first three features are logits of colours.
+    /// Without a network, the first three features are logits of colours.
     pub(super) network: Option<NetworkFile>,
     /// In contracted space.
     pub(super) mask: Option<FreeSpace>,
@@ -44,7 +45,7 @@ pub(super) struct Whole {
     network: Option<(Network, BatchNetwork)>,
 }
 
-/// Directions as the colours take them.
+/// Directions, prepared for the colours.
 #[derive(Debug)]
 pub(super) enum Along {
     Network(Batch),
@@ -96,9 +97,8 @@ impl WorldFile {
         }
     }
 
-    /// Optical depth per world unit, of one per base voxel's length. A step of the world has another
-    /// contracted length along each direction: this is the one of rays that pass the middle at a
-    /// distance of [`OFF_AXIS`].
+    /// Converts optical depth per base voxel length to world units. The contracted length of a step
+    /// depends on its direction: this uses rays that pass the middle at a distance of [`OFF_AXIS`].
     fn per_world_unit(&self, place: Spot) -> f64 {
         let [along, across] = self.contraction.stretches(place);
         let own = f64::from(self.scene.activation.interval) / self.scene.march.interval_length();
@@ -143,7 +143,7 @@ impl World for WorldFile {
     fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         for grid in [&self.density, &self.features] {
             let grid = grid.clone().into_grid();
-            // The checksums of an archive, if there are any, stand for all values.
+            // The checksums of an archive, if any, cover all values.
             let Nodes([nx, ny, nz]) = grid.nodes();
             grid.read_plane(0, nx / 2, &mut vec![0.0; ny * nz], &mut *hash)?;
         }

@@ -12,10 +12,10 @@ use crate::model::field::NodeValues;
 use crate::model::grid::Nodes;
 use crate::network::{PlaneCache, visit};
 
-/// Bytes that are shown to a digest at once.
+/// Bytes that are hashed at once.
 const PIECE: usize = 1 << 20;
 
-/// Channels of a grid of factors, which are read when the first node is asked for.
+/// Channels of a grid of factors, which are read with the first node.
 #[derive(Debug)]
 pub struct FactorGrid {
     arrays: FactorArrays,
@@ -48,7 +48,7 @@ impl NodeValues for FactorGrid {
     }
 
     fn memory_bytes(&self) -> u64 {
-        // Factors are kept once, and once more while they are read.
+        // Factors are held twice while they are read.
         2 * self.arrays.bytes() + self.planes.bytes(self.nodes(), self.channels)
     }
 

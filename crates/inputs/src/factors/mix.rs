@@ -1,4 +1,4 @@
-//! From products of factors to the channels of a grid.
+//! Channels of a grid from products of factors.
 
 use super::parts::{Terms, components};
 use super::product::{Factors, Tap};
@@ -10,7 +10,7 @@ use crate::tensor::Tensor;
 /// Channels of a grid of factors, at most.
 const CHANNELS: u64 = 256;
 
-/// The arrays of a grid of factors; nothing of them is read.
+/// The unread arrays of a grid of factors.
 #[derive(Debug, Clone)]
 pub struct FactorArrays {
     /// Factors, as [`components`] takes them.
@@ -22,7 +22,7 @@ pub struct FactorArrays {
     pub channels: usize,
 }
 
-/// A matrix that makes channels of products.
+/// A matrix from products to channels.
 #[derive(Debug, Clone)]
 pub struct Mix {
     /// Its weights.
@@ -48,10 +48,10 @@ pub struct Scratch {
 }
 
 impl FactorArrays {
-    /// A grid whose one channel is the sum of all products, or whose channels a matrix makes.
+    /// A grid with one channel, the sum of all products, or with channels from a matrix.
     ///
     /// # Errors
-    /// `Malformed` where shapes do not fit.
+    /// `Malformed` if shapes do not fit.
     pub fn new(terms: Terms, nodes: Nodes, mix: Option<Mix>) -> Result<Self> {
         let components = components(&terms, nodes.0)? as u64;
         let Some(Mix { tensor, by_component }) = &mix else {
@@ -78,7 +78,7 @@ impl FactorArrays {
         self.tensors().map(Tensor::bytes).sum()
     }
 
-    /// All arrays that values follow from.
+    /// All arrays that determine values.
     pub(super) fn tensors(&self) -> impl Iterator<Item = &Tensor> {
         let factors = self.terms.iter().flatten().map(|part| &part.tensor);
         factors.chain(self.mix.as_ref().map(|mix| &mix.tensor))
@@ -87,7 +87,7 @@ impl FactorArrays {
     /// Reads all of it.
     ///
     /// # Errors
-    /// Those of reading, and values that are no numbers.
+    /// Errors of reading, and NaN values.
     pub fn load(&self, budget: &mut Budget) -> Result<Mixed> {
         let weights = self.mix.as_ref().map(|mix| self.weights(mix, budget)).transpose()?;
         let factors = Factors::load(&self.terms, self.nodes.0, budget)?;
@@ -118,7 +118,7 @@ impl Mixed {
         let Some(weights) = &self.weights else {
             return vec![scratch.products.iter().sum()];
         };
-        // Channels side by side: sums that wait for one another would take their time.
+        // Channels side by side, so that their sums do not depend on one another.
         let mut values = vec![0.0; self.channels];
         for (row, product) in weights.chunks_exact(self.channels).zip(&scratch.products) {
             let terms = values.iter_mut().zip(row);

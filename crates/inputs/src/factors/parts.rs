@@ -1,4 +1,4 @@
-//! Planes and lines in their file, and how they are multiplied.
+//! Planes and lines in their file, and the rules of their products.
 
 use std::ops::Range;
 
@@ -15,11 +15,11 @@ pub struct Part {
 }
 
 impl Part {
-    /// One of several parts that lie in an array `[parts, components, rows, columns]`, of which it
-    /// has some components.
+    /// One of several parts of an array `[parts, components, rows, columns]`, with some of its
+    /// components.
     ///
     /// # Errors
-    /// `Malformed` where the array does not have them.
+    /// `Malformed` if the array does not have them.
     pub fn of(
         array: &Tensor,
         number: u64,
@@ -32,7 +32,7 @@ impl Part {
     /// Its values, component by component.
     pub(super) fn read(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let (tensor, place) = (&self.tensor, self.tensor.place());
-        // A part of an array has no checksum of its own; the whole array is verified here.
+        // A part of an array has no checksum, so the whole array is verified here.
         let storage = tensor.storage(budget)?;
         let length = |count| limits::product(&[count], "bytes of factors", &place);
         let mut bytes: Vec<u8> =
@@ -49,7 +49,7 @@ impl Part {
         }
     }
 
-    /// Refuses another shape than `[1, components, rows, columns]`; gives the components.
+    /// Refuses shapes other than `[1, components, rows, columns]`; returns the components.
     pub(super) fn components(&self, nodes: [usize; 3]) -> Result<usize> {
         let count = |axis: usize| nodes.into_iter().nth(axis).unwrap_or(1) as u64;
         let (rows, columns) = (count(self.axes.0), self.axes.1.map_or(1, count));
@@ -72,7 +72,7 @@ pub type Terms = Vec<Vec<Part>>;
 /// The components of all terms.
 ///
 /// # Errors
-/// `Malformed` where shapes are not those of the nodes, or parts of a term differ.
+/// `Malformed` if shapes are not those of the nodes, or parts of a term differ.
 pub fn components(terms: &Terms, nodes: [usize; 3]) -> Result<usize> {
     let mut sum = 0;
     for term in terms {

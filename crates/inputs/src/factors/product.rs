@@ -19,7 +19,7 @@ impl Tap {
         Self { low: node, high: node, share: 0.0 }
     }
 
-    /// At a position in nodes, brought between the first and the last of `count`.
+    /// At a position in nodes, clamped to the first and last of `count`.
     #[expect(clippy::cast_possible_truncation, reason = "the position is within the nodes")]
     pub fn at(position: f64, count: usize) -> Self {
         let position = position.clamp(0.0, (count - 1) as f64);
@@ -101,7 +101,7 @@ impl Factors {
     /// Reads all factors.
     ///
     /// # Errors
-    /// Those of reading, and values that are no numbers.
+    /// Errors of reading, and NaN values.
     pub fn load(terms: &Terms, nodes: [usize; 3], budget: &mut Budget) -> Result<Self> {
         let load = |parts: &Vec<Part>, budget: &mut Budget| -> Result<Term> {
             let tables = parts.iter().map(|part| Table::load(part, nodes, budget));

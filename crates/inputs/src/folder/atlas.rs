@@ -1,4 +1,4 @@
-//! A sparse grid of blocks, out of the pictures of its atlas.
+//! A sparse grid of blocks, from the pictures of its atlas.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,13 @@ use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::snerg::layout::EMPTY;
 use crate::source::SideFile;
 
-/// The number of a block that shows nothing.
+/// The number of an empty block.
 const NOTHING: u32 = u32::MAX;
 
-/// How folders of one kind hold an atlas.
+/// The layout of an atlas in folders of one kind.
 #[derive(Debug, Clone, Copy)]
 pub struct AtlasFiles {
-    /// The picture of the blocks' places.
+    /// The picture with the blocks' places.
     pub indices: &'static str,
     /// The names of a pair of pictures: of colours, and of features.
     pub names: fn(usize) -> [String; 2],
@@ -32,7 +32,7 @@ pub struct AtlasLayout {
     pub files: AtlasFiles,
     /// Blocks of the grid along each axis.
     pub counts: [usize; 3],
-    /// Texels along an edge of a block, with those that it repeats of its neighbours.
+    /// Texels along an edge of a block, including its apron.
     pub edge: usize,
     /// Texels of the atlas.
     pub size: [usize; 3],
@@ -47,7 +47,7 @@ impl AtlasLayout {
         [width, self.files.planes * height]
     }
 
-    /// Looks at all pictures. Returns a digest of each.
+    /// Checks all pictures. Returns a digest of each.
     fn look(&self, folder: &Folder) -> Result<Vec<SideFile>> {
         let ([x, y, z], [_, _, depth]) = (self.counts, self.size);
         let indices = self.files.indices.to_owned();
@@ -63,7 +63,7 @@ impl AtlasLayout {
     }
 }
 
-/// The places of a grid's blocks in an atlas whose pictures were looked at.
+/// The places of a grid's blocks in an atlas with checked pictures.
 #[derive(Debug, Clone)]
 pub struct Places {
     layout: AtlasLayout,
@@ -74,10 +74,10 @@ pub struct Places {
 }
 
 impl Places {
-    /// Looks at all pictures, and reads the one of indices. Returns a digest of each.
+    /// Checks all pictures, and reads the index picture. Returns a digest of each.
     ///
     /// # Errors
-    /// Those of the pictures, and `Malformed` for places outside of the atlas.
+    /// Errors of the pictures, and `Malformed` for places outside of the atlas.
     pub fn find(
         folder: &Folder,
         layout: AtlasLayout,
@@ -119,7 +119,7 @@ impl Places {
     /// Reads all pictures that hold blocks.
     ///
     /// # Errors
-    /// Those of the pictures, and more memory than there may be.
+    /// Errors of the pictures, and more memory than allowed.
     pub fn load(&self, folder: &Folder, budget: &mut Budget, limits: &Limits) -> Result<Atlas> {
         let AtlasLayout { files, counts, edge, size: [width, height, depth], .. } = self.layout;
         let place = Place::Entry(files.indices.to_owned());
@@ -170,7 +170,7 @@ pub struct Atlas {
 }
 
 impl Atlas {
-    /// A block of the grid, if it shows something.
+    /// A block of the grid, unless empty.
     #[inline]
     pub fn block(&self, [x, y, z]: [usize; 3]) -> Option<&Block> {
         let [nx, ny, _] = self.counts;

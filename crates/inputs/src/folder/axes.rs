@@ -4,15 +4,15 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::tensor::{Tensor, TensorFile, Value};
 
-/// The key of the matrix that turns the folder to the world.
+/// The key of the matrix from the folder's axes to the world's.
 const MATRIX: &str = "worldspace_T_opengl";
 
-/// For each axis of the world the folder's axis, and the sign of its direction.
+/// For each axis of the world, the folder's axis and the sign of its direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes([(usize, f64); 3]);
 
 impl Axes {
-    /// Those that a folder states, else the usual ones.
+    /// The axes that a folder states, else the usual ones.
     ///
     /// # Errors
     /// Those of [`Self::of`], and `Malformed` for anything but a matrix.
@@ -27,7 +27,7 @@ impl Axes {
         }
     }
 
-    /// Of a matrix that turns directions of the folder to the world's.
+    /// From a matrix from the folder's directions to the world's.
     ///
     /// # Errors
     /// `Unsupported` unless it swaps and flips axes alone.
@@ -58,7 +58,7 @@ impl Axes {
         Some(Self(axes))
     }
 
-    /// The folder's axis that runs along an axis of the world, and true if it runs against it.
+    /// The folder's axis along an axis of the world, and true if it runs in the opposite direction.
     pub fn of_world(&self, axis: usize) -> (usize, bool) {
         self.0.get(axis).map_or((0, false), |&(of, sign)| (of, sign < 0.0))
     }

@@ -1,4 +1,4 @@
-//! The texels of one block, with those that it repeats of its neighbours.
+//! The texels of one block, including its apron.
 
 use super::texels::Texel;
 use crate::snerg::layout::{FAINT, SKIPPED_CUBE};
@@ -12,13 +12,13 @@ pub struct Block {
     words: Vec<u64>,
     /// Texels that are kept before each word.
     ranks: Vec<u32>,
-    /// Sums of opacities of the cubes that rays look at, x fastest.
+    /// Sums of opacities of the cubes for skipping, x fastest.
     sums: Vec<u32>,
     texels: Vec<Texel>,
 }
 
 impl Block {
-    /// An empty block, `edge` texels a side.
+    /// An empty block, `edge` texels per side.
     pub(super) fn new(edge: usize) -> Self {
         let (words, cubes) = (edge.pow(3).div_ceil(64), edge.div_ceil(SKIPPED_CUBE).pow(3));
         let (words, ranks) = (vec![0; words], vec![0; words]);

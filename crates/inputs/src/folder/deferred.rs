@@ -1,4 +1,4 @@
-//! A network that runs once a ray, on what the ray gathered over the background.
+//! A network that runs once per ray, on the ray's accumulated values over the background.
 
 use super::network::narrow;
 use crate::base::error::{Error, Result};
@@ -6,7 +6,7 @@ use crate::model::view_mlp::ViewMlp;
 use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::Assumption;
 
-/// Refuses options that a folder's own network leaves no room for.
+/// Refuses options that conflict with a folder's own network.
 ///
 /// # Errors
 /// `Usage` for harmonics, and for another network.
@@ -20,12 +20,12 @@ pub fn refuse_other_views(system: &str, options: &SourceOptions) -> Result<()> {
     Ok(())
 }
 
-/// True if the network is to be left out.
+/// True if the network is dropped.
 pub fn drops_network(options: &SourceOptions) -> bool {
     options.view == ViewChoice::None || options.mlp == MlpChoice::None
 }
 
-/// A property of such a network that a container cannot state.
+/// A property of such a network that a container cannot represent.
 pub fn assumption(system: &str) -> Assumption {
     Assumption {
         key: "background",
@@ -39,7 +39,7 @@ pub fn assumption(system: &str) -> Assumption {
     }
 }
 
-/// The light that a network adds to a colour and features; none without a network.
+/// The light that a network computes from a colour and features; none without a network.
 pub fn added_light(
     network: Option<&ViewMlp>,
     direction: [f64; 3],

@@ -1,8 +1,9 @@
 //! Common parts of SNeRG's and MERF's folders of assets: the numbers of their parameters, axes, the
-//! network, the atlas of blocks in the pictures beside them, and how their viewers march along rays.
+//! network, the atlas of blocks in the pictures beside them, and how their viewers march along
+//! rays.
 //!
-//! A system states its pictures ([`AtlasFiles`]), its values at nodes ([`FieldNodes`]) and the rules
-//! of its viewer ([`ViewerRules`]); [`source()`] makes an input of them.
+//! A system states its pictures ([`AtlasFiles`]), its values at nodes ([`FieldNodes`]) and the
+//! rules of its viewer ([`ViewerRules`]); [`source()`] makes an input of them.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

@@ -1,4 +1,4 @@
-//! The network of a folder, which runs once a ray.
+//! The network of a folder, which runs once per ray.
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
@@ -14,14 +14,14 @@ const WIDEST: u64 = 64;
 /// The order in which a folder's network takes its inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputOrder {
-    /// The direction with its waves, then colours and features: SNeRG's.
+    /// SNeRG's: the direction with its sines and cosines, then colours and features.
     DirectionFirst,
-    /// Colours and features, then the direction with its waves: MERF's.
+    /// MERF's: colours and features, then the direction with its sines and cosines.
     ValuesFirst,
 }
 
 impl InputOrder {
-    /// The place in the folder of an input of this program's order.
+    /// The index in the folder of an input in this program's order.
     fn place(self, input: usize) -> usize {
         let direction = 3 + 6 * OCTAVES;
         match self {
@@ -35,7 +35,7 @@ impl InputOrder {
 /// The network, with its inputs in this program's order; none for a folder of diffuse colours.
 ///
 /// # Errors
-/// `Malformed` for layers that do not fit each other, and for weights that are no finite numbers.
+/// `Malformed` for layers that do not fit each other, and for weights that are not finite.
 pub fn read_network(
     file: &TensorFile,
     order: InputOrder,
@@ -52,7 +52,7 @@ pub fn read_network(
     ViewMlp::new(layers, OCTAVES, FEATURES, &place).map(Some)
 }
 
-/// A value as the network takes it: what is nearly nothing is nothing.
+/// A value for the network: tiny values become 0.
 pub(super) fn narrow(value: f64) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "networks are float32")]
     let value = value as f32;
@@ -90,7 +90,7 @@ fn layer(
         ));
     }
     let [inputs, outputs] = [inputs, outputs].map(|width| usize::try_from(width).unwrap_or(0));
-    // A folder has the weights input by input, and waves of a direction by octave.
+    // A folder has the weights input by input, and sines and cosines of a direction by octave.
     let row = |input: usize| if number == 0 { order.place(input) } else { input };
     let of_output = |output: usize| (0..inputs).map(move |input| row(input) * outputs + output);
     let places = (0..outputs).flat_map(of_output);

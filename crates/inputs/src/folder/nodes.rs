@@ -27,7 +27,7 @@ pub trait FieldNodes: Debug + Send + Sync {
     /// Reads all values, once.
     ///
     /// # Errors
-    /// Those of the pictures.
+    /// Errors of the pictures.
     fn load(&self) -> Result<()>;
 
     /// The opacity that a voxel has at each node of plane `x`, z fastest.

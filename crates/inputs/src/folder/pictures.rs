@@ -17,7 +17,7 @@ pub const RGB: u8 = 2;
 /// The colour type of red, green, blue and alpha.
 pub const RGBA: u8 = 6;
 
-/// A folder whose pictures are looked at before they are read.
+/// A folder whose pictures are checked before they are read.
 #[derive(Debug, Clone)]
 pub struct Folder(PathBuf);
 
@@ -27,12 +27,12 @@ impl Folder {
         Self(file.parent().unwrap_or(Path::new("")).to_owned())
     }
 
-    /// Looks at a picture: its size and colour type, and that it is whole. Its digest is that of its
+    /// Checks a picture's size and colour type, and that it is complete. Its digest covers its
     /// checksums.
     ///
     /// # Errors
-    /// `Io` where it is missing, `Malformed` for another size, `Unsupported` for another colour
-    /// type, `Truncated` where it ends early.
+    /// `Io` if it is missing, `Malformed` for another size, `Unsupported` for another colour type,
+    /// `Truncated` if it ends early.
     pub fn look(
         &self,
         role: &'static str,
@@ -45,7 +45,7 @@ impl Folder {
         Ok(SideFile { role, path, digest })
     }
 
-    /// Reads a picture of a size that was looked at.
+    /// Reads a picture with a checked size.
     ///
     /// # Errors
     /// Those of the picture, and `Malformed` for another size.
@@ -64,7 +64,7 @@ fn other_size([width, height]: [usize; 2], [w, h]: [usize; 2]) -> Error {
     Error::malformed(Place::File, found, format!("{w} x {h}, as {} says", "scene_params.json"))
 }
 
-/// Holds a PNG's header against what it must be, and follows its chunks to the last one.
+/// Checks a PNG's header, and follows its chunks to the last one.
 fn look_at(path: &Path, size: [usize; 2], types: &[u8]) -> Result<[u8; 32]> {
     let file = SourceFile::open(path)?;
     let header = file.read(0, 33, 33).map_err(|error| match error.kind() {

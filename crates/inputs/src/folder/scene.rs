@@ -9,7 +9,7 @@ use crate::options::SourceOptions;
 use crate::snerg::layout::FAINT;
 use crate::sparse::CellBox;
 
-/// The largest opacity: that which the last code of 8 bits may stand for, at least.
+/// The largest opacity: the least that the last 8-bit code may represent.
 const OPAQUE: f64 = 254.5 / 255.0;
 
 /// The scene of a box of cubes, by the rules that folders' viewers share.

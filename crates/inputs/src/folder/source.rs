@@ -13,20 +13,20 @@ use crate::snerg::layout::FEATURES;
 use crate::source::{Family, SideFile, Source};
 use crate::tensor::TensorFile;
 
-/// What was found in a folder.
+/// The contents of a folder.
 pub struct Found<A> {
     pub family: Family,
     pub scene: Scene,
     pub assets: Arc<A>,
-    /// The network, unless it is to be left out.
+    /// The network, unless dropped.
     pub network: Option<ViewMlp>,
     pub side_files: Vec<SideFile>,
 }
 
-/// The input that a folder is.
+/// The input from a folder.
 ///
 /// # Errors
-/// Parts of the field that do not fit each other.
+/// Inconsistent parts of the field.
 pub fn source<A>(file: &TensorFile, found: Found<A>) -> Result<Source>
 where
     A: FieldNodes + Viewed + 'static,

@@ -1,4 +1,4 @@
-//! Texels, whose codes two pictures hold.
+//! Texels, with codes in two pictures.
 
 use super::pictures::Folder;
 use crate::base::error::Result;
@@ -22,7 +22,7 @@ impl Texels {
     /// Reads both pictures. Without the second one, features are 0.
     ///
     /// # Errors
-    /// Those of the pictures.
+    /// Errors of the pictures.
     pub fn read(
         folder: &Folder,
         [colors, features]: &[String; 2],

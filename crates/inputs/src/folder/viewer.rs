@@ -1,5 +1,4 @@
-//! A folder by the rules of its own viewer: a march that skips empty cells, then a network once a
-//! ray.
+//! A folder by the rules of its own viewer: a march that skips empty cells, then a network per ray.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -17,10 +16,10 @@ use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::model::view_mlp::ViewMlp;
 use crate::snerg::layout::OPAQUE;
 
-/// Against divisions by 0.
+/// Avoids divisions by 0.
 const GUARD: ZeroGuard = ZeroGuard::Replace(f64::MIN_POSITIVE);
 
-/// What a ray adds up: a colour and four features.
+/// The sums of a ray: a colour and four features.
 pub type Light = Composite<7>;
 
 /// A box.
@@ -31,16 +30,15 @@ pub type Corners = [[f64; 3]; 2];
 pub struct Samples {
     /// The first one.
     pub start: f64,
-    /// No sample is there or beyond.
+    /// The end; samples lie before it.
     pub end: f64,
     /// From one to the next.
     pub step: f64,
-    /// So many steps at most, skipped cells among them.
+    /// Maximum steps, including skipped cells.
     pub most: f64,
 }
 
-/// What one system's viewer does differently from another's. Positions and distances are those of
-/// its own space.
+/// The differences between the viewers. Positions and distances are in the viewer's own space.
 pub trait ViewerRules: Debug + Send + Sync {
     /// The network does not run above this transmittance.
     const CLEAR: f64;
@@ -57,8 +55,8 @@ pub trait ViewerRules: Debug + Send + Sync {
     /// The samples of a ray that enters the box and leaves it at two distances.
     fn samples(&self, crossing: [f64; 2], rules: &RayRules) -> Samples;
 
-    /// Adds what is at a position, a distance from the origin, along a length. Returns the cell to
-    /// skip where that is empty.
+    /// Adds a sample at a position, with its distance from the origin and its length. Returns the
+    /// cell to skip if it is empty.
     fn visit(&self, at: [f64; 3], along: [f64; 2], light: &mut Light) -> Option<Corners>;
 
     /// Optical depth per world unit at a position of the world.
@@ -68,14 +66,14 @@ pub trait ViewerRules: Debug + Send + Sync {
     fn values(&self, world: [f64; 3]) -> ([f64; 3], [f64; 4]);
 }
 
-/// A folder whose viewer can be had once it is loaded.
+/// A folder that gives its viewer once loaded.
 pub trait Viewed: Debug + Send + Sync {
     type Rules: ViewerRules + 'static;
 
     /// The rules, with all values.
     ///
     /// # Errors
-    /// Those of the pictures.
+    /// Errors of the pictures.
     fn rules(&self) -> Result<Self::Rules>;
 }
 

@@ -11,7 +11,7 @@ fn largest(position: [f64; 3]) -> (usize, f64) {
     sizes.fold((0, 0.0), |most, found| if found.1 > most.1 { found } else { most })
 }
 
-/// The distance from the middle, 1 on the faces of the core.
+/// The maximum norm: 1 on the faces of the core.
 pub(super) fn norm(position: [f64; 3]) -> f64 {
     largest(position).1
 }
@@ -36,7 +36,7 @@ pub(super) fn stretch(position: [f64; 3], direction: [f64; 3]) -> f64 {
         return direction.iter().map(|by| by * by).sum::<f64>().sqrt();
     }
     let of = |vector: [f64; 3]| vector.get(axis).copied().unwrap_or(0.0);
-    // The largest component changes by so much.
+    // The change of the largest component.
     let grows = of(direction) * of(position).signum();
     let mut own = [0.0; 3];
     let axes = own.iter_mut().zip(position).zip(direction);

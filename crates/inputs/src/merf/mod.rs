@@ -1,23 +1,23 @@
-//! MERF's folders of assets, as its exporter writes them, and as its first demonstration had them.
+//! MERF's folders of assets, from its exporter and from its first demonstration.
 //!
-//! A value is the sum of a sparse grid and of three planes, each interpolated by itself. The sums
-//! are logits of a colour and of four features, and `1 + ln` of a density. They span contracted
-//! space, from -2 to 2 along each axis; its core, from -1 to 1, is the world itself.
+//! A value is the sum of a sparse grid and three planes, each interpolated separately. The sums are
+//! logits of a colour and of four features, and `1 + ln` of a density. They span contracted space,
+//! from -2 to 2 along each axis; its core, from -1 to 1, is the world itself.
 //!
-//! **A whole scene** follows the rules of MERF's baked renderer: steps of a voxel in contracted space
-//! from the near plane on, without an end. Its field has boxes around each other, up to where the last
-//! voxel of contracted space begins. With `--drop-background` only the core is taken, and what follows
-//! is about it.
+//! **A whole scene** follows the rules of MERF's baked renderer: steps of a voxel in contracted
+//! space from the near plane on, without an end. Its field has nested boxes, up to the start of the
+//! last voxel of contracted space. With `--drop-background`, only the core is read, and the
+//! following applies to it.
 //!
-//! **Its own rules** are those of its viewer, within the core: samples one voxel apart from where
-//! the ray enters, five grids of occupancy that skip empty cells and half a step, and nothing where
-//! the sparse grid has no block. The background is added before the network runs, once a ray.
+//! **Its own rules** are those of its viewer, within the core: samples one voxel apart from the
+//! entry on, five occupancy grids that skip empty cells and half a step, and no samples where the
+//! sparse grid has no block. The background is added before the network runs, once per ray.
 //!
-//! **The field** has a node in the middle of each voxel of the finer of both grids, and the next one
-//! beyond each face. Colours and features are sums of logits, as they are. Densities become those
-//! of a softplus, which is the viewer's exponential while little light is lost in a voxel, and
-//! differs from it between nodes of high density. Nodes more than a voxel away from occupied space
-//! are empty.
+//! **The field** has a node in the middle of each voxel of the finer of both grids, and the next
+//! one beyond each face. Colours and features are sums of logits, as they are. Densities are
+//! converted to a softplus, which matches the viewer's exponential while a voxel absorbs little
+//! light, and differs from it between nodes of high density. Nodes more than a voxel away from
+//! occupied space are empty.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

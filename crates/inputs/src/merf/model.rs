@@ -1,4 +1,4 @@
-//! The rules of MERF's viewer within the core. Its own space is the world by other axes.
+//! The rules of MERF's viewer within the core. Its own space is the world with permuted axes.
 
 use std::sync::Arc;
 

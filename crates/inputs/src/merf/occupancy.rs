@@ -7,7 +7,7 @@ use crate::folder::{Folder, RGB, RGBA};
 use crate::source::SideFile;
 use crate::sparse::whole;
 
-/// Voxels along an edge of a cell, of the coarsest grid first, as the viewer asks them.
+/// Voxels along an edge of a cell, coarsest grid first, in the viewer's order.
 pub(super) const CELLS: [usize; 5] = [128, 64, 32, 16, 8];
 
 fn name(cell: usize) -> String {
@@ -42,7 +42,7 @@ pub(super) struct Occupancy {
     voxel: f64,
 }
 
-/// Looks at the pictures for a grid of `resolution` voxels.
+/// Checks the pictures for a grid of `resolution` voxels.
 pub(super) fn look(folder: &Folder, resolution: usize) -> Result<Vec<SideFile>> {
     let pictures = CELLS.into_iter().map(|cell| {
         let count = resolution.div_ceil(cell);
@@ -72,7 +72,7 @@ impl Occupancy {
         Ok(Self { levels, voxel: SPAN / resolution as f64 })
     }
 
-    /// The box of the coarsest empty cell around a position of contracted space, if there is one.
+    /// The box of the coarsest empty cell around a position of contracted space, if any.
     pub(super) fn empty_cell(&self, position: [f64; 3]) -> Option<[[f64; 3]; 2]> {
         self.levels.iter().find_map(|level| {
             let edge = self.voxel * level.cell as f64;
@@ -82,7 +82,7 @@ impl Occupancy {
         })
     }
 
-    /// True if a voxel, or one that touches it, is in cells that are full in all grids.
+    /// True if a voxel or one of its neighbours is in occupied cells of all grids.
     pub(super) fn is_near(&self, voxel: [usize; 3]) -> bool {
         let finest = self.levels.last().map_or(1, |level| level.cell);
         let [xs, ys, zs] = voxel.map(|at| [at.saturating_sub(1) / finest, (at + 1) / finest]);

@@ -22,11 +22,11 @@ pub fn knows(file: &TensorFile) -> bool {
     file.kind == FileKind::Folder && KEYS.iter().any(|key| stated(key))
 }
 
-/// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.
+/// Opens a folder: reads its parameters, checks its pictures, and reads the index picture.
 ///
 /// # Errors
-/// `Unsupported` for SMERF; `Malformed` where
-/// numbers and pictures do not fit each other; `Io` where a picture is missing.
+/// `Unsupported` for SMERF; `Malformed` if
+/// numbers and pictures do not fit each other; `Io` if a picture is missing.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let family = Family::Merf;
     folder::refuse_other_views(family.name(), options)?;
@@ -45,7 +45,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     }
 }
 
-/// All of space, in boxes around each other.
+/// All of space, in nested boxes.
 fn whole(
     mut source: Source,
     assets: Arc<Assets>,

@@ -16,7 +16,7 @@ pub(super) const LOW: f64 = -2.0;
 const LARGEST_BLOCK: u64 = 256;
 /// Edges of voxels may be rounded by this share.
 const ROUNDED: f64 = 1e-4;
-/// The ranges of codes that the first viewer has built in.
+/// The ranges of codes that are built into the first viewer.
 const FEATURES: [f64; 2] = [-7.0, 7.0];
 const DENSITIES: [f64; 2] = [-14.0, 14.0];
 
@@ -96,7 +96,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Reads them, and holds them against each other.
+    /// Reads them, and checks their consistency.
     pub(super) fn read(file: &TensorFile, limits: &Limits) -> Result<Self> {
         let place = |key: &str| Place::Key(key.to_owned());
         let numbers = Numbers::of(file, limits);

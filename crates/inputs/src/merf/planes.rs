@@ -22,7 +22,7 @@ pub(super) struct Planes {
     texels: [Vec<Texel>; 3],
 }
 
-/// Looks at the pictures.
+/// Checks the pictures.
 pub(super) fn look(folder: &Folder, edge: usize) -> Result<Vec<SideFile>> {
     let names = [0, 1, 2].into_iter().flat_map(names);
     names.map(|name| folder.look("planes", name, [edge; 2], &[RGBA])).collect()

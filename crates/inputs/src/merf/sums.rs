@@ -23,7 +23,7 @@ pub(super) struct Assets {
 }
 
 impl Assets {
-    /// Looks at all pictures. Returns them with a digest of each.
+    /// Checks all pictures. Returns them with a digest of each.
     pub(super) fn find(
         folder: Folder,
         parameters: Parameters,
@@ -41,7 +41,7 @@ impl Assets {
         Ok((Self { parameters, folder, places, limits, loaded }, found))
     }
 
-    /// The values, read when they are first asked for.
+    /// The values, read on first use.
     pub(super) fn sums(&self) -> Result<Arc<Sums>> {
         let Self { parameters, folder, places, limits, .. } = self;
         self.loaded.get(|| {
@@ -76,8 +76,8 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// Sums at a position of contracted space: logits of a colour, the density's, logits of
-    /// features. None where the sparse grid has no block up to `reach` away.
+    /// Sums at a position of contracted space: logits of a colour, the density's sum, logits of
+    /// features. None if the sparse grid has no block within `reach`.
     pub(super) fn at(&self, position: [f64; 3], reach: f64) -> Option<[f64; 8]> {
         let voxels = |resolution: usize| {
             let per_unit = resolution as f64 / SPAN;
@@ -105,8 +105,8 @@ impl Sums {
     }
 }
 
-/// The codes at a position in voxels, 0 being the middle of the first one. Positions without a block
-/// take the nearest one up to `reach` away, from where it ends; none without that.
+/// The codes at a position in voxels, 0 being the middle of the first one. Positions without a
+/// block are clamped to the nearest block within `reach`; none if there is no such block.
 fn in_atlas(atlas: &Atlas, sparse: &Sparse, at: [f64; 3], reach: f64) -> Option<[f64; 8]> {
     let edge = sparse.block as f64;
     let number = |at: f64| whole((at / edge).floor());

@@ -5,7 +5,7 @@
 //! optical depth of sample k = density (t_k+1 - t_k), in the world
 //! ```
 //!
-//! The background is added before the network runs, once a ray.
+//! The background is added before the network runs, once per ray.
 
 use std::sync::Arc;
 
@@ -23,9 +23,9 @@ use crate::model::ray_march::{
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::model::view_mlp::ViewMlp;
 
-/// World units from which a ray shows nothing more.
+/// Distance in world units at which a ray ends.
 const FARTHEST: f64 = 1e10;
-/// Transmittance below which a ray ends: no picture shows what is behind.
+/// Transmittance below which a ray ends: anything behind is invisible.
 const OPAQUE: f64 = 1e-7;
 
 /// A folder and its network, ready to be loaded.

@@ -14,7 +14,7 @@ use crate::model::grid::Nodes;
 use crate::nested::{SampledDensity, World, points};
 use crate::network::{PlaneCache, visit};
 
-/// Nothing counts so many cells from the sparse grid's first node, nor from one behind its last.
+/// Margin in cells at both ends of the sparse grid in which nothing counts.
 const BORDER: f64 = 0.6;
 /// Shares of colours and features, 0 to 1, keep this far from their ends as logits.
 const LEAST: f64 = 1e-6;
@@ -76,7 +76,7 @@ struct SampledColors {
 }
 
 impl SampledColors {
-    /// Means of colours and features by the light that points of the node's cell stop.
+    /// Means of colours and features, weighted by the light that points of the node's cell absorb.
     fn at_node(&self, sums: &Sums, node: [usize; 3]) -> [f64; 7] {
         let points = points(&*self.world, &self.lattice, node, false);
         let spacing = self.lattice.nodes.spacing(&self.lattice.bounds);

@@ -17,7 +17,7 @@ use crate::packets::{
 /// Densities beyond this are opaque at any length.
 const DENSEST: f64 = 1e30;
 
-/// The appearance that colours are taken with.
+/// The appearance for colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Appearance {
     /// The mean of all pictures'.
@@ -28,7 +28,7 @@ pub(super) enum Appearance {
     Picture(usize),
 }
 
-/// A model whose arrays are read when they are first wanted.
+/// A model whose arrays are read on first use.
 #[derive(Debug)]
 pub(super) struct NerfactoFile {
     pub(super) arrays: Arrays,
@@ -61,7 +61,7 @@ impl NerfactoFile {
         let appearance = self.appearance(&mut budget)?;
         let mut layers = read_layers(color, &mut budget)?;
         if let Some(first) = layers.first_mut() {
-            // Colours are asked for with one appearance alone; inputs that are filled up are 1.
+            // Colours use only one appearance; padded inputs are 1.
             let kept = FUNCTIONS + geometry;
             let mut constants = appearance;
             constants.resize(first.inputs.saturating_sub(kept), 1.0);
@@ -83,7 +83,7 @@ impl NerfactoFile {
         })
     }
 
-    /// The appearance that colours are taken with; none of models without any.
+    /// The appearance for colours; none for models without appearances.
     fn appearance(&self, budget: &mut Budget) -> Result<Vec<f64>> {
         let Some((values, [pictures, width])) = &self.arrays.appearances else {
             return Ok(Vec::new());
@@ -109,7 +109,7 @@ impl NerfactoFile {
         tables.map(|grid| 4 * grid.table.count).sum()
     }
 
-    /// Shows the bytes of all arrays.
+    /// Visits the bytes of all arrays.
     pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let Arrays { field, color, proposals, appearances, .. } = &self.arrays;
         let mut all: Vec<&Values> = appearances.iter().map(|(values, _)| values).collect();
@@ -183,7 +183,7 @@ impl Nerfacto {
         }
     }
 
-    /// The same of a network of proposals.
+    /// The same for a proposal network.
     pub(super) fn proposed(
         &self,
         number: usize,
@@ -202,7 +202,7 @@ impl Nerfacto {
         }
     }
 
-    /// What is at up to [`LANES`] positions of the world. Returns their densities.
+    /// Evaluates up to [`LANES`] positions of the world. Returns their densities.
     pub(super) fn places<T: Number>(
         &self,
         positions: &[[f64; 3]],
@@ -223,18 +223,18 @@ impl Nerfacto {
         self.field.color.directions(&inputs)
     }
 
-    /// A direction as the network takes it.
+    /// A direction as network input.
     fn encoded(&self, direction: [f64; 3]) -> [f64; FUNCTIONS] {
         match self.by_torch {
-            // Directions are moved to 0 to 1 for tiny-cuda-nn, which moves them back.
+            // Directions are mapped to 0 to 1 for tiny-cuda-nn, which maps them back.
             true => moved_basis(direction.map(|along| 0.5 * (along + 1.0))),
             false => basis_f64(direction),
         }
     }
 }
 
-/// nerfstudio's own harmonics, whose signs are all positive, of a vector that need not be a unit
-/// one. `components_from_spherical_harmonics` of nerfstudio 1.1.5.
+/// nerfstudio's own harmonics, with positive signs, of a vector of any length.
+/// `components_from_spherical_harmonics` of nerfstudio 1.1.5.
 #[rustfmt::skip]
 fn moved_basis([x, y, z]: [f64; 3]) -> [f64; FUNCTIONS] {
     let (xx, yy, zz) = (x * x, y * y, z * z);

@@ -11,9 +11,9 @@
 //! | `proposal_networks.N.` with `mlp_base.0`, `mlp_base.1` or `linear` | | the networks of proposals |
 //!
 //! With tiny-cuda-nn, the parameters of a network with its table are one array,
-//! `field.mlp_base.model.params`; those of the others are `tcnn_encoding.params`. Widths follow from
-//! their numbers. Rows and columns are filled up to multiples of 16. Of networks behind a table the
-//! inputs that are filled up are 0, of the others they are 1.
+//! `field.mlp_base.model.params`; those of the others are `tcnn_encoding.params`. Widths follow
+//! from their numbers. Rows and columns are padded to multiples of 16. Padded inputs are 0 for
+//! networks behind a table, and 1 for the others.
 
 use super::settings::Settings;
 use crate::base::error::{Error, Place, Result};
@@ -56,7 +56,7 @@ pub(super) struct GridFile {
 pub(super) struct Arrays {
     pub(super) corners: [[f64; 3]; 2],
     pub(super) field: GridFile,
-    /// Numbers that the density network finds beside the density.
+    /// Outputs of the density network beside the density.
     pub(super) geometry: usize,
     pub(super) color: Vec<LayerFile>,
     /// True with PyTorch's encoding of directions, false with tiny-cuda-nn's.
@@ -318,7 +318,7 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// The numbers that the levels of a table follow from.
+/// The numbers that determine the levels of a table.
 #[derive(Debug, Clone, Copy)]
 struct TableSizes {
     sizes: Sizes,
@@ -326,7 +326,7 @@ struct TableSizes {
 }
 
 impl TableSizes {
-    /// tiny-cuda-nn's levels. Their ratio is a float32 that machines differ by one step in.
+    /// tiny-cuda-nn's levels. Their ratio is a float32 that differs between machines by one ulp.
     fn candidates(&self, place: &Place) -> Result<Vec<Levels>> {
         let steps = self.sizes.levels.saturating_sub(1).max(1) as f64;
         let [finest, base] = [self.finest, self.sizes.base].map(|size| libm::log(size as f64));
@@ -363,7 +363,7 @@ fn refuse_widths(values: &Values) -> Error {
     Error::malformed(values.tensor.place(), found, "those of layers of 16 to 1024 neurons")
 }
 
-/// The neurons of so many hidden layers of a network with 16 outputs and `count` parameters.
+/// The neurons of this many hidden layers of a network with 16 outputs and `count` parameters.
 fn hidden(count: u64, layers: u64, inputs: u64) -> Option<u64> {
     let mut widths = (1..=WIDEST / MULTIPLE).map(|number| number * MULTIPLE);
     widths.find(|width| width * (inputs + MULTIPLE + (layers - 1) * width) == count)
@@ -381,8 +381,7 @@ fn matrices(values: &Values, widths: &[u64]) -> Vec<LayerFile> {
     widths.iter().zip(widths.iter().skip(1)).map(|(from, to)| next(*from, *to)).collect()
 }
 
-/// Refuses layers that do not follow each other from so many inputs, or from these filled up.
-/// Returns the outputs.
+/// Refuses inconsistent layers for this many inputs, padded or not. Returns the outputs.
 fn check(layers: &[LayerFile], inputs: usize, place: &Place) -> Result<usize> {
     let mut width = inputs;
     for layer in layers {

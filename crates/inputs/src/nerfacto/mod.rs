@@ -11,13 +11,12 @@
 //! (`keys`). Settings that a checkpoint lacks are read from the run's `config.yml`, as text
 //! (`yaml`).
 //!
-//! **Its own rules.** Two networks for densities alone propose where samples are worth taking; the
-//! last round takes few, with long steps (`model`). So a picture depends on its sampler, and a field
-//! of nodes that is drawn with small steps differs from it.
+//! **Its own rules.** Two density networks propose sample positions; the last round takes few
+//! samples, with long steps (`model`). So pictures depend on the sampler, and a field of nodes that
+//! is rendered with small steps differs from them.
 //!
-//! **The field.** The networks are evaluated at nodes of boxes around each other, and harmonics are
-//! fitted to the colours. The world is that of the training, as `dataparser_transforms.json` leads
-//! to.
+//! **The field.** The networks are evaluated at nodes of nested boxes, and harmonics are fitted to
+//! the colours. The world is the training's, after `dataparser_transforms.json`.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

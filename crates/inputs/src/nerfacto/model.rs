@@ -24,7 +24,7 @@ use crate::network::{Colors, all_around};
 use crate::packets::{FieldScratch, LANES, Places, Scratch};
 use crate::resample::resampled;
 
-/// Light of every ray that counts as left for the colour behind a scene.
+/// Minimum share of each ray's light that counts as left, for the colour behind a scene.
 const LEAST_LEFT: f64 = 1e-6;
 
 /// A checkpoint, ready to be loaded.
@@ -43,7 +43,7 @@ struct Loaded {
     model: Arc<Nerfacto>,
 }
 
-/// The measure in which even samples are even.
+/// The mapping in which even samples are evenly spaced.
 #[derive(Debug, Clone, Copy)]
 struct Spacing {
     piecewise: bool,
@@ -61,7 +61,7 @@ impl Spacing {
         Self { piecewise, ends: [of(near), of(far)] }
     }
 
-    /// The distance of a share of the way.
+    /// The distance at a share of the way.
     fn distance(self, share: f64) -> f64 {
         let [near, far] = self.ends;
         let at = share * far + (1.0 - share) * near;
@@ -92,7 +92,7 @@ impl Intervals {
         Self { middles, lengths, positions }
     }
 
-    /// The shares of the light that the intervals show.
+    /// The weights of the intervals.
     fn weights(&self, densities: &[f64]) -> Vec<f64> {
         let mut depth = 0.0;
         let all = self.lengths.iter().zip(densities);
@@ -159,11 +159,11 @@ impl Loaded {
     }
 }
 
-/// The colour behind a scene whose rays go on with their last sample: the mean over all directions
-/// from the middle, by the light that is left.
+/// The colour behind a scene whose rays are extended by their last sample: the mean over all
+/// directions from the middle, weighted by the light that is left.
 ///
 /// # Errors
-/// Those of loading.
+/// Errors of loading.
 #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
 pub(super) fn behind(file: &Arc<NerfactoFile>) -> Result<[f32; 3]> {
     let loaded = Loaded { file: Arc::clone(file), model: file.load()? };
@@ -171,7 +171,7 @@ pub(super) fn behind(file: &Arc<NerfactoFile>) -> Result<[f32; 3]> {
     let (mut sums, mut all) = ([0.0; 3], 0.0);
     for direction in all_around() {
         let light = loaded.light(middle, direction, 0.0);
-        // Where no ray leaves the scene, all count alike.
+        // If no ray leaves the scene, all count equally.
         let share = light.left + LEAST_LEFT;
         sums.iter_mut().zip(light.last).for_each(|(sum, value)| *sum += share * value);
         all += share;

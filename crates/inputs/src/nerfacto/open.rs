@@ -21,11 +21,11 @@ use crate::options::{AppearanceChoice, MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, Source};
 use crate::tensor::TensorFile;
 
-/// Nodes along an edge of the first box where no option says another number.
+/// Default nodes along an edge of the first box.
 const RESOLUTION: usize = 256;
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
-/// The degree of a fit that nobody asked for another of.
+/// Default degree of a fit.
 const DEGREE: usize = 2;
 /// Weight up to which samples add no colour.
 const COLOR_THRESHOLD: f32 = 1e-4;
@@ -40,7 +40,7 @@ pub fn knows(file: &TensorFile) -> bool {
 /// Opens a checkpoint of nerfacto.
 ///
 /// # Errors
-/// `Unsupported` for other methods of the same arrays, `Malformed` where arrays do not follow each
+/// `Unsupported` for other methods of the same arrays, `Malformed` if arrays do not follow each
 /// other, `InvalidOption` for an appearance that the model does not have.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     if let MlpChoice::File(_) = options.mlp {
@@ -108,7 +108,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
-/// What is made of rays that go on with their last sample.
+/// The treatment of rays that are extended by their last sample.
 fn background_assumption(background: [f32; 3]) -> Assumption {
     let [red, green, blue] = background;
     let value = format!("{red:.3},{green:.3},{blue:.3}");
@@ -120,7 +120,7 @@ fn background_assumption(background: [f32; 3]) -> Assumption {
     Assumption { key: "background", value, message }
 }
 
-/// The appearance that colours are taken with.
+/// The appearance for colours.
 fn appearance(choice: AppearanceChoice, pictures: usize, takes_mean: bool) -> Result<Appearance> {
     let refuse =
         |found: String, expected: String| Err(Error::invalid_option("appearance", found, expected));
@@ -167,8 +167,8 @@ fn plan(
     nested::boxes(nested::even(middle, nodes, extent), middle, extent, limits, &place)
 }
 
-/// How far boxes reach that nobody limits: to where a cell of contracted space is all that is left,
-/// of the model's finest grid or of the first box.
+/// Default reach of the boxes: up to the last cell of contracted space, of the model's finest grid
+/// or of the first box.
 fn reach(model: &NerfactoFile, nodes: usize) -> f64 {
     let cells = (model.arrays.finest as f64).min(nodes as f64);
     (cells / 4.0).clamp(1.0, model.settings.far.max(1.0))

@@ -1,4 +1,4 @@
-//! The settings of a training, `config.yml`, of which the checkpoint lacks some.
+//! The settings of a training, `config.yml`; the checkpoint lacks some of them.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ const MOST_SAMPLES: usize = 1 << 14;
 /// Rounds of proposals, at most.
 const MOST_ROUNDS: usize = 16;
 
-/// What lies behind the last sample of a ray.
+/// The colour behind the last sample of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Background {
     /// Its own colour.
@@ -21,7 +21,7 @@ pub(super) enum Background {
     Color([f32; 3]),
 }
 
-/// The settings that pictures depend on and that the checkpoint lacks.
+/// The rendering settings that the checkpoint lacks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Settings {
     /// Nodes along an axis of the first level.
@@ -34,13 +34,13 @@ pub(super) struct Settings {
     pub(super) mean_density: f64,
     /// True if space is contracted.
     pub(super) contracted: bool,
-    /// True if pictures are taken with the mean of all appearances, not with zeros.
+    /// True if pictures use the mean of all appearances, not zeros.
     pub(super) mean_appearance: bool,
     /// Samples of each round, the last one's included.
     pub(super) samples: Vec<usize>,
-    /// True if all rounds ask the first network.
+    /// True if all rounds use the first network.
     pub(super) same_proposal: bool,
-    /// True if even samples are even in distance at the start and in its reciprocal beyond.
+    /// True if even samples are evenly spaced in distance at first, and in its reciprocal beyond.
     pub(super) piecewise: bool,
     pub(super) far: f64,
     pub(super) background: Background,
@@ -48,7 +48,7 @@ pub(super) struct Settings {
     pub(super) levels: [Option<u64>; 3],
 }
 
-/// Settings with where they come from.
+/// Settings and their source.
 #[derive(Debug)]
 pub(super) struct Found {
     pub(super) settings: Settings,
@@ -56,7 +56,7 @@ pub(super) struct Found {
     pub(super) assumption: Option<Assumption>,
 }
 
-/// Reads the settings of a checkpoint's run. `rounds` are the networks for proposals that it has.
+/// Reads the settings of a checkpoint's run. `rounds` is the number of its proposal networks.
 ///
 /// # Errors
 /// `Unsupported` for another method than nerfacto, and values that no training has.
@@ -73,7 +73,7 @@ fn found(mut run: RunSettings, rounds: usize) -> Result<Found> {
 impl Settings {
     fn of(run: &mut RunSettings, networks: usize) -> Result<Self> {
         run.refuse_others("NerfactoModel", "nerfacto")?;
-        // The class has another default than the method, and versions before it have none.
+        // The class has a different default than the method, and older versions have none.
         let density = if run.is_there() { 1.0 } else { 0.01 };
         let rounds = run.count("num_proposal_iterations", 2, MOST_ROUNDS)?;
         let same_proposal = run.get("use_same_proposal_network", false, "true or false")?;
@@ -91,7 +91,7 @@ impl Settings {
         let expected = "a whole number";
         let mut proposals = Vec::new();
         for number in 0..networks {
-            // Lists leave out what is the default.
+            // Lists omit default values.
             let key = |key: &str| format!("proposal_net_args_list.{number}.{key}");
             let base = run.optional(&key("base_res"), expected)?.unwrap_or(16);
             let features = run.optional(&key("features_per_level"), expected)?.unwrap_or(2);
@@ -130,7 +130,7 @@ fn background(run: &mut RunSettings) -> Result<Background> {
     match run.get(key, "last_sample".to_owned(), "a name")?.as_str() {
         "last_sample" => Ok(Background::LastSample),
         "white" => Ok(Background::Color([1.0; 3])),
-        // Nothing is added to the pictures of a model that was trained over random colours.
+        // A model that was trained over random colours has no background.
         "black" | "random" => Ok(Background::Color([0.0; 3])),
         other => Err(Error::unsupported(place(key), other, "last_sample, random, black or white")),
     }

@@ -7,7 +7,7 @@
 //! place in the tables = (c + 2) / 4,    or the place in the box where space is not contracted
 //! ```
 //!
-//! Nothing is outside of the tables, nor on their faces.
+//! Space is empty outside the tables and on their faces.
 
 /// From the world to the cube of the tables.
 #[derive(Debug, Clone, Copy, PartialEq)]

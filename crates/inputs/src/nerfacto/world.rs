@@ -8,11 +8,11 @@ use crate::nested::{ColoredWorld, World};
 use crate::network::Colors;
 use crate::packets::{Directions, FieldScratch, Found};
 
-/// Cells along an edge of the tables' cube that a bake keeps apart. Finer levels hold what few
-/// pictures show, and a bake of more nodes than this reads them point by point.
+/// Resolved cells along an edge of the tables' cube. Finer levels add details that few pictures
+/// show, and a bake with more nodes than this reads them point by point.
 const CELLS: f64 = 256.0;
 
-/// A model as boxes sample it.
+/// A model, for sampling by boxes.
 #[derive(Debug)]
 pub(super) struct NerfactoWorld(pub(super) Arc<NerfactoFile>);
 

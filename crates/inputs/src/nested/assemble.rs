@@ -1,4 +1,4 @@
-//! The boxes of a field around its own.
+//! The outer boxes of a field.
 
 use std::sync::Arc;
 
@@ -11,14 +11,14 @@ use crate::model::grid::Bounds;
 use crate::model::harmonics::Harmonics;
 use crate::network::FittedColors;
 
-/// How colours are fitted.
+/// The rules of colour fits.
 #[derive(Debug, Clone, Copy)]
 pub struct Colors<'a> {
     /// The rules of the harmonics.
     pub harmonics: Harmonics,
     /// True for colours that do not depend on the view.
     pub plain: bool,
-    /// Places of cameras, if the user states them.
+    /// Camera positions, if given.
     pub cameras: &'a [[f64; 3]],
 }
 
@@ -51,8 +51,8 @@ pub fn fitted_colors<W: ColoredWorld + 'static>(
     colors.fit(world, field.lattice(), field.clone(), None, limits)
 }
 
-/// The boxes around the own one of a field without colours, whose mask ends there. `inner` is the
-/// space that cameras stand in.
+/// The boxes around a field without colours, whose mask ends at its own box. `inner` is the space
+/// of the cameras.
 pub fn shells<W: ColoredWorld + 'static>(
     world: &Arc<W>,
     field: &RadianceField,
@@ -73,7 +73,7 @@ pub fn shells<W: ColoredWorld + 'static>(
         };
         geometry.scene.bounds = lattice.bounds;
         geometry.scene.nodes = lattice.nodes;
-        // Samples of this box are farther apart, so less density shows its colour.
+        // Samples of this box are farther apart, so lower densities become visible.
         geometry.scene.march.color_threshold *= libm::ldexpf(1.0, -number);
         let color = vec![colors.fit(world, *lattice, geometry, Some(inner), limits)];
         Shell { lattice: *lattice, density, color }

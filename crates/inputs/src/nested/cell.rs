@@ -1,9 +1,9 @@
-//! The points of a node's cell that its values are means of.
+//! The points of a node's cell, whose mean is the node's value.
 
 use super::world::World;
 use crate::model::field::Lattice;
 
-/// How densely cells are filled with points.
+/// The density of points in cells.
 #[derive(Debug, Clone, Copy)]
 struct Filling {
     /// Points along an edge of a cell, at most.
@@ -12,13 +12,13 @@ struct Filling {
     same: f64,
 }
 
-/// Of models whose values are read.
+/// For models with stored values.
 const READ: Filling = Filling { most: 4, same: 1e-3 };
-/// Of models that are slow to ask.
+/// For models that are slow to evaluate.
 const PROBED: Filling = Filling { most: 2, same: 0.2 };
 
-/// The points of a node's cell: a cube of them, or its own position where the model is not finer than
-/// the box.
+/// The points of a node's cell: a cube of points, or only the node's position if the model is not
+/// finer than the box.
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
     middle: [f64; 3],
@@ -52,7 +52,7 @@ impl Cell {
         at
     }
 
-    /// The numbers of all points; with `half` of every other one, as balanced.
+    /// The numbers of all points; with `half`, of every other point, in a balanced pattern.
     pub fn numbers(&self, half: bool) -> impl Iterator<Item = [usize; 3]> + use<> {
         let (count, half) = (self.count, half && self.count > 1);
         let all =

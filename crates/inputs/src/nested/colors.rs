@@ -12,9 +12,9 @@ use crate::network::{Colors, NodeColors, OnNode, visit};
 
 /// Nodes that are prepared at once.
 const AT_ONCE: usize = 32;
-/// Points of a node whose colours are asked for, at most.
+/// Maximum points of a node whose colours are evaluated.
 const MOST_COLORS: usize = 4;
-/// Points that stop a smaller share of the light than this add no colour.
+/// Points that absorb a smaller share of the light than this add no colour.
 const FAINT: f64 = 0.02;
 
 /// The colours of a model at the nodes of a box.
@@ -24,8 +24,8 @@ pub(super) struct SampledColors<W> {
     pub(super) lattice: Lattice,
 }
 
-/// The points of a cell that its node's colour is a mean of, with their shares: those that stop the
-/// light of an edge of the cell, by their optical depths per world unit.
+/// The points whose mean is a node's colour, with their weights: the light that they absorb over an
+/// edge of the cell, from their optical depths per world unit.
 fn shares(densities: &[f64], spacing: f64) -> Vec<(usize, f64)> {
     let edge = spacing / libm::cbrt(densities.len() as f64);
     let stopped = densities.iter().map(|density| -libm::expm1(-density * edge));
@@ -37,12 +37,12 @@ fn shares(densities: &[f64], spacing: f64) -> Vec<(usize, f64)> {
     match sum > 0.0 {
         true if shown.len() > MOST_COLORS => chosen(&shown, sum),
         true => shown.into_iter().map(|(point, share)| (point, share / sum)).collect(),
-        // Nothing is there, but the colour counts between this node and the next one.
+        // The node is empty, but its colour counts between it and its neighbours.
         false => vec![(0, 1.0)],
     }
 }
 
-/// A few of many points, that stand for equal parts of the light in the order of the points.
+/// A few of many points, each representing an equal part of the light in the order of the points.
 fn chosen(shown: &[(usize, f64)], sum: f64) -> Vec<(usize, f64)> {
     let each = sum / MOST_COLORS as f64;
     let (mut passed, mut next) = (0.0, 0.5 * each);
@@ -72,7 +72,7 @@ impl<W: ColoredWorld> NodeColors for SampledColors<W> {
     }
 
     fn memory_bytes(&self, _: usize) -> [u64; 2] {
-        // Those of density stand for the model.
+        // The digest of density covers the model.
         [0; 2]
     }
 

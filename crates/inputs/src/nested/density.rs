@@ -13,9 +13,9 @@ use crate::model::field::{DensityFunction, Lattice, NodeValues, Scene};
 use crate::model::grid::{Nodes, row};
 use crate::network::{PlaneCache, visit};
 
-/// Positions that a model is asked for at once, about.
+/// Approximate number of positions that are evaluated at once.
 const AT_ONCE: usize = 512;
-/// Optical depth between two nodes behind which nothing is seen.
+/// Optical depth between two nodes that is fully opaque.
 const OPAQUE: f64 = 60.0;
 
 /// Raw densities at the nodes of a box, plane by plane.
@@ -23,11 +23,11 @@ const OPAQUE: f64 = 60.0;
 pub struct SampledDensity<W> {
     world: Arc<W>,
     lattice: Lattice,
-    /// What a raw density means.
+    /// The meaning of a raw density.
     raw: RawDensity,
-    /// True for 0 where the model takes no samples; else a mask says so.
+    /// True if densities are 0 where the model takes no samples; else a mask marks that space.
     masked: bool,
-    /// Of a model that is probed, the nodes near matter, and their densities for the next pass.
+    /// For a probed model: the nodes near matter, and their densities for the next pass.
     matter: Lazy<Matter>,
     planes: PlaneCache,
 }
@@ -37,9 +37,9 @@ pub struct SampledDensity<W> {
 struct RawDensity {
     function: DensityFunction,
     shift: f64,
-    /// What the function makes of a raw density, for an optical depth of 1 per world unit.
+    /// The activated density for an optical depth of 1 per world unit.
     per_unit: f64,
-    /// Optical depths per world unit are cut off here.
+    /// Upper limit of optical depths per world unit.
     densest: f64,
     empty: f32,
 }
@@ -59,7 +59,8 @@ impl RawDensity {
 }
 
 impl<W: World> SampledDensity<W> {
-    /// Of the nodes of `lattice`, as raw densities of a scene with this activation and these steps.
+    /// For the nodes of `lattice`, as raw densities of a scene with this activation and these
+    /// steps.
     pub fn new(world: Arc<W>, lattice: Lattice, scene: &Scene, masked: bool) -> Self {
         let activation = &scene.activation;
         let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);

@@ -1,16 +1,15 @@
-//! The nodes of a box that are near matter, for models that are slow to ask and say nothing of empty
-//! space.
+//! The nodes of a box near matter, for models that are slow to evaluate and have no occupancy.
 //!
-//! One in [`EACH`] of the points that nodes have values of is probed, and what is near a probe that
-//! met matter is asked for in full. Probes are the points `(X, Y, Z)`, counted along the box, with
+//! One in [`EACH`] sample points is probed, and the surroundings of probes that hit matter are
+//! evaluated in full. Probes are the points `(X, Y, Z)`, counted along the box, with
 //!
 //! ```text
 //! X + 3 Y + 5 Z = 0 modulo 8
 //! ```
 //!
-//! Any line of eight points along an axis has a probe, and so has any ball of three points across.
-//! What has none is thinner than two points, and shorter than eight along the axes; its parts that
-//! are farther than [`REACH`] points from a probe that met matter are lost.
+//! Any line of eight points along an axis contains a probe, and so does any ball three points
+//! across. An object without a probe is thinner than two points, and shorter than eight along the
+//! axes; its parts farther than [`REACH`] points from a hit are lost.
 
 use super::cell::Cell;
 use super::world::World;
@@ -20,12 +19,12 @@ use crate::base::progress::{Progress, Step};
 use crate::model::field::Lattice;
 use crate::model::grid::{Nodes, row};
 
-/// One point of so many is probed.
+/// One in this many points is probed.
 const EACH: usize = 8;
-/// Points around a probe that met matter which are near it.
+/// Radius around a hit, in points, that counts as near.
 const REACH: usize = 4;
-/// A smaller optical depth from a node to the next one is empty. A bake drops blocks of a few times as
-/// much, unless it is told to keep them.
+/// Smaller optical depths between neighbouring nodes count as empty. By default, a bake drops even
+/// blocks with a few times as much.
 const FAINT: f64 = 5e-4;
 
 /// Rows of bits along z, plane by plane.
@@ -55,7 +54,7 @@ impl Matter {
             progress.advance(Step::Views, 1);
             Ok(())
         })?;
-        // Points are closest together where a cell has the most of them.
+        // Points are closest where cells have the most of them.
         let least = planes.iter().map(|(_, least)| *least).min().unwrap_or(1).max(1);
         let reach = REACH.div_ceil(least);
         let met: Vec<Vec<u64>> =
@@ -69,7 +68,7 @@ impl Matter {
         Ok(Self((0..nx).map(near).collect()))
     }
 
-    /// Bytes of a box of so many nodes.
+    /// Bytes of a box of this many nodes.
     pub(super) fn bytes(nodes: Nodes) -> u64 {
         let Nodes([nx, ny, _]) = nodes;
         (3 * 8 * nx * ny * row::words(nodes)) as u64
@@ -81,8 +80,8 @@ impl Matter {
     }
 }
 
-/// Sets the bits of the nodes of a plane whose probes met matter. Returns the fewest points along an
-/// edge of a cell.
+/// Sets the bits of the nodes of a plane whose probes hit matter. Returns the fewest points along
+/// an edge of a cell.
 fn probe<W: World>(
     world: &W,
     loaded: &W::Loaded,

@@ -5,11 +5,11 @@ use crate::base::limits::Limits;
 use crate::model::field::Lattice;
 use crate::model::grid::{Bounds, Nodes};
 
-/// Half sides of the inner box that the first box reaches.
+/// Reach of the first box, in half sides of the inner box.
 const FIRST: f64 = 2.0;
 /// Boxes, at most: the last one reaches a billion half sides.
 const MOST_BOXES: usize = 30;
-/// Boxes may end this share before what they are meant to hold.
+/// Boxes may fall short of the requested extent by this share.
 const ROUNDED: f64 = 1e-3;
 
 /// The middle of an inner box and half its edges.
@@ -21,9 +21,9 @@ pub struct Middle {
     pub radius: [f64; 3],
 }
 
-/// The first box, around nodes that a model has: the lowest one at `lowest`, and the next ones
-/// `spacing` farther, both in half sides from the middle. It reaches twice as far as the inner box,
-/// or as far as all boxes are meant to.
+/// The first box, around a model's nodes: the lowest at `lowest`, the next ones `spacing` apart,
+/// both in half sides from the middle. It reaches twice as far as the inner box, or up to the
+/// requested extent.
 pub fn aligned(middle: Middle, lowest: [f64; 3], spacing: [f64; 3], extent: f64) -> Lattice {
     let reach = FIRST.min(extent) * (1.0 - ROUNDED);
     let mut first = [0.0; 3];
@@ -38,7 +38,7 @@ pub fn aligned(middle: Middle, lowest: [f64; 3], spacing: [f64; 3], extent: f64)
     lattice(middle, first, spacing, nodes)
 }
 
-/// The first box with so many nodes along an edge, or one more where they are even.
+/// The first box with this many nodes along an edge, or one more if that is even.
 pub fn even(middle: Middle, nodes: usize, extent: f64) -> Lattice {
     let reach = FIRST.min(extent);
     let nodes = nodes.max(3) | 1;
@@ -46,7 +46,7 @@ pub fn even(middle: Middle, nodes: usize, extent: f64) -> Lattice {
     lattice(middle, [-reach; 3], [spacing; 3], [nodes; 3])
 }
 
-/// An odd number of nodes that so many cells have, or one more.
+/// The nodes of this many cells, or one more to make them odd.
 fn odd(cells: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
     let cells = cells.clamp(2.0, 1e9) as usize;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::base::error::Result;
 use crate::network::Colors;
 
-/// A model that has values everywhere in the world.
+/// A model with values everywhere in the world.
 pub trait World: Debug + Send + Sync {
     /// Its values in memory.
     type Loaded: Debug + Send + Sync;
@@ -14,29 +14,29 @@ pub trait World: Debug + Send + Sync {
     /// Reads the values.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn load(&self) -> Result<Arc<Self::Loaded>>;
 
     /// Bytes of the values in memory, at most.
     fn memory_bytes(&self) -> u64;
 
-    /// Feeds a digest with samples of the bytes that stand for all values.
+    /// Feeds a digest with samples of the bytes that represent all values.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
 
-    /// The distance at which the model tells values apart at a position, in world units.
+    /// The model's resolution at a position, in world units.
     fn detail(&self, position: [f64; 3]) -> f64;
 
-    /// True for a model that is slow to ask and says nothing of empty space: it is probed where
-    /// boxes want to know of matter, and what is far from all that probes meet is empty.
+    /// True for a model that is slow to evaluate and has no occupancy: it is probed for matter, and
+    /// space far from all hits is empty.
     fn is_probed(&self) -> bool {
         false
     }
 
-    /// Adds the optical depth per world unit at each position. With `masked` it is 0 where the model
-    /// takes no samples.
+    /// Adds the optical depth per world unit at each position. With `masked`, it is 0 where the
+    /// model takes no samples.
     fn densities(
         &self,
         loaded: &Self::Loaded,
@@ -50,14 +50,14 @@ pub trait World: Debug + Send + Sync {
 pub trait ColoredWorld: World {
     /// Directions, prepared for its colours.
     type Along;
-    /// What colours depend on beside the direction, at many positions.
+    /// The inputs of colours beside the direction, at many positions.
     type Places: Default;
 
     /// Prepares unit directions into the scene.
     fn along(&self, loaded: &Self::Loaded, directions: &[[f64; 3]]) -> Self::Along;
 
-    /// Prepares positions, and adds the optical depth per world unit at each; 0 where the model takes
-    /// no samples.
+    /// Prepares positions, and adds the optical depth per world unit at each; 0 where the model
+    /// takes no samples.
     fn places(
         &self,
         loaded: &Self::Loaded,

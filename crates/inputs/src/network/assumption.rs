@@ -1,10 +1,10 @@
-//! The words for colours that are fitted.
+//! Descriptions of colour fits.
 
 use super::views::Views;
 use crate::source::Assumption;
 
-/// A fit of harmonics of a degree, or of plain colours, as reports and provenance state it. The
-/// cameras that it follows are a part of its value, because they decide the colours.
+/// A fit of harmonics of a degree, or of plain colours, for reports and provenance. Its cameras are
+/// part of the value, because they affect the colours.
 pub fn fit_assumption(degree: usize, is_plain: bool, cameras: &[[f64; 3]]) -> Assumption {
     let seen = Views::new(cameras).label();
     Assumption {

@@ -1,18 +1,18 @@
 //! A network along many directions at once, in float32.
 //!
-//! The first layer is a sum of a part that depends on the node and a part that depends on the
-//! direction. The second one is made once for all nodes that are seen along the same directions.
-//! Values lie direction by direction within each neuron, so vectors run over directions, and each
-//! sum has one order.
+//! The first layer is the sum of a part that depends on the node and a part that depends on the
+//! direction. The second part is computed once for all nodes with the same directions. Values lie
+//! direction by direction within each neuron, so vectors run over directions, and each sum has one
+//! order.
 
 use multiversion::multiversion;
 
 use super::run::Network;
 use crate::model::activate::lanes;
 
-/// Directions of a vector; batches are filled up to a multiple.
+/// Directions per vector; batches are padded to a multiple.
 const LANES: usize = 16;
-/// Neurons, and rows of inputs, that are worked on at once; layers are filled up to a multiple.
+/// Neurons and rows of inputs that are processed at once; layers are padded to a multiple.
 const TILE: usize = 4;
 
 /// The weights of a network for batches.
@@ -130,14 +130,14 @@ impl BatchNetwork {
 }
 
 impl Batch {
-    /// Bytes of a batch of so many directions.
+    /// Bytes of a batch of this many directions.
     pub(super) fn bytes(directions: usize, width: usize) -> u64 {
         (4 * directions.next_multiple_of(LANES) * width.next_multiple_of(TILE)) as u64
     }
 }
 
-/// The sums of [`TILE`] neurons along all directions, not below `least`. [`TILE`] rows of inputs are
-/// added at once, in order, while the sums are in registers.
+/// The sums of [`TILE`] neurons along all directions, not below `least`. [`TILE`] rows of inputs
+/// are added at once, in order, while the sums are in registers.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn sums(weights: &[f32], biases: &[f32], inputs: &[f32], least: f32, out: &mut [f32]) {
     let width = out.len() / TILE;

@@ -11,7 +11,7 @@ use crate::model::grid::Bounds;
 
 /// Directions of a fit, at most: of functions up to degree 2, and of more.
 const MOST: [usize; 2] = [32, 48];
-/// A cell that fewer views see is hidden, and its colour hardly matters.
+/// A cell with fewer views is hidden, and its colour hardly matters.
 const LEAST: usize = 6;
 /// Directions, all around, of a hidden cell.
 const HIDDEN: usize = 16;
@@ -28,23 +28,24 @@ pub const fn most(degree: usize) -> usize {
 pub struct CellViews {
     seen: CellVisibility,
     views: Views,
-    /// The space that the views look out of.
+    /// The space that contains the views.
     inner: Option<Bounds>,
     /// Directions of a cell, at most.
     most: usize,
 }
 
 impl CellViews {
-    /// Of views from within a box to its surroundings, whose own cells are seen from all around.
+    /// For views from within a box to its surroundings; cells inside the box are seen from all
+    /// around.
     pub(super) fn looking_out_of(self, inner: Bounds) -> Self {
         Self { inner: Some(inner), ..self }
     }
 
-    /// Of the cameras that a fit of a degree uses; if they are few, from all around, or from places
-    /// in `inner` where `geometry` surrounds that box. Its colours do not count.
+    /// For the cameras of a fit of a degree. If there are few, views from all around, or from
+    /// places in `inner` if `geometry` surrounds that box. Colours of `geometry` are ignored.
     ///
     /// # Errors
-    /// Those of reading density, and a request to stop.
+    /// Errors of reading density, and a request to stop.
     pub fn of_fit(
         geometry: &RadianceField,
         degree: usize,
@@ -59,10 +60,10 @@ impl CellViews {
         Ok(Self { inner, ..found })
     }
 
-    /// Of the eyes held out of a fit to these cameras.
+    /// For the held-out eyes of a fit to these cameras.
     ///
     /// # Errors
-    /// Those of reading density, and a request to stop.
+    /// Errors of reading density, and a request to stop.
     pub fn of_held_out(
         geometry: &RadianceField,
         cameras: &[[f64; 3]],
@@ -78,10 +79,10 @@ impl CellViews {
         Ok(Self { inner, ..found })
     }
 
-    /// Of all views that see a cell, as many as a fit of a degree takes.
+    /// For all views that see a cell, up to the limit of a fit of a degree.
     ///
     /// # Errors
-    /// Those of reading density, and a request to stop.
+    /// Errors of reading density, and a request to stop.
     pub(super) fn find(
         geometry: &RadianceField,
         views: Views,
@@ -97,7 +98,7 @@ impl CellViews {
         })
     }
 
-    /// Bytes that it takes while it is found, at most.
+    /// Maximum bytes during its computation.
     pub(super) fn memory_bytes(views: &Views) -> u64 {
         CellVisibility::memory_bytes(views)
     }
@@ -131,7 +132,7 @@ impl CellViews {
         chosen(&self.views, &seen, most, middle)
     }
 
-    /// The fit of so many functions to the colours along a cell's directions.
+    /// The fit of this many functions to the colours along a cell's directions.
     pub fn fit(&self, cell: [usize; 3], functions: usize) -> Fit {
         Fit::new(&self.directions(cell), functions)
     }

@@ -6,7 +6,7 @@
 //!                   from START cells on, is above HIDDEN
 //! ```
 //!
-//! The cells around the node itself do not count: a surface does not hide itself.
+//! The cells around the node itself do not count, because a surface does not hide itself.
 
 use super::views::Views;
 use crate::base::error::{Error, Place, Result};
@@ -18,18 +18,18 @@ use crate::model::grid::{Nodes, row};
 
 /// Cells along an axis, at most.
 const CELLS: usize = 64;
-/// Nodes along an axis that are read, at least, of as many as there are.
+/// Minimum nodes along an axis that are read, if there are as many.
 const SAMPLED: usize = 128;
 /// Nodes of a smaller opacity hide nothing.
 const FAINT: f64 = 1e-4;
-/// The way to the eye begins so many cells away.
+/// Distance in cells at which the way to the eye begins.
 const START: f64 = 1.5;
 /// Steps along the longest edge of a cell, at most: boxes may be as flat as paper.
 const STEPS: f64 = 16.0;
 /// Optical depth that leaves a tenth of the light.
 const HIDDEN: f64 = std::f64::consts::LN_10;
 
-/// Equal parts of a box, with the views of each.
+/// Equal parts of a box, with the views that see each part.
 #[derive(Debug)]
 pub(super) struct CellVisibility {
     grid: CellGrid,
@@ -49,10 +49,10 @@ pub(super) struct CellGrid {
 }
 
 impl CellVisibility {
-    /// Of the density of a field within its free-space mask.
+    /// From the density of a field within its free-space mask.
     ///
     /// # Errors
-    /// Those of reading density, and a request to stop.
+    /// Errors of reading density, and a request to stop.
     pub(super) fn find(
         geometry: &RadianceField,
         views: &Views,
@@ -83,7 +83,7 @@ impl CellVisibility {
         Ok(Self { grid, words, bits })
     }
 
-    /// Bytes that it takes while it is found, at most.
+    /// Maximum bytes during its computation.
     pub(super) fn memory_bytes(views: &Views) -> u64 {
         (CELLS.pow(3) * (16 + 8 * views.count().div_ceil(64))) as u64
     }
@@ -197,7 +197,7 @@ impl CellGrid {
         bits
     }
 
-    /// Sets the bits of the views that see a cell, of those near occupied space.
+    /// Sets the bits of the views that see a cell, for cells near occupied space.
     fn note_views(&self, depths: &[f64], cell: [usize; 3], views: &Views, bits: &mut [u64]) {
         if !self.is_near_matter(depths, cell) {
             return;

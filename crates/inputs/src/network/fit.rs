@@ -5,8 +5,8 @@
 //!           + PENALTY sum of (l (l + 1))^2 c_i^2,   l the band of function i
 //! ```
 //!
-//! The penalty grows with the band, so that high bands stay small where directions do not tell
-//! them apart.
+//! The penalty grows with the band, so that high bands stay small where directions do not determine
+//! them.
 
 use multiversion::multiversion;
 
@@ -18,13 +18,13 @@ const PENALTY: f64 = 1e-5;
 /// A linear map from colours along directions to coefficients.
 #[derive(Debug)]
 pub struct Fit {
-    /// For each direction the share of its colour in each coefficient.
+    /// For each direction, the weight of its colour in each coefficient.
     shares: Vec<[f64; FUNCTIONS]>,
     functions: usize,
 }
 
 impl Fit {
-    /// Of so many functions, to colours along these unit directions.
+    /// For this many functions and colours along these unit directions.
     pub fn new(directions: &[[f64; 3]], functions: usize) -> Self {
         let rows: Vec<[f64; FUNCTIONS]> = directions.iter().map(|&at| basis_f64(at)).collect();
         let scale = 1.0 / directions.len().max(1) as f64;
@@ -81,7 +81,7 @@ impl Fit {
     }
 }
 
-/// Adds what each direction's colour adds to all coefficients, direction by direction.
+/// Adds the contribution of each direction's colour to all coefficients, direction by direction.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_shares(shares: &[[f64; FUNCTIONS]], colors: &[f64], sums: &mut [f64; FUNCTIONS]) {
     for (shares, color) in shares.iter().zip(colors) {
@@ -111,7 +111,7 @@ mod tests {
                 let colors = [red.clone(), zero.clone(), zero];
                 let found: Vec<f64> = fit.coefficients(&colors).collect();
                 assert!(found.iter().skip(1).step_by(3).all(|green| *green == 0.0));
-                // Colours along the directions count, not coefficients that they leave open.
+                // Only colours along the directions must match, not undetermined coefficients.
                 for (at, expected) in directions.iter().zip(&red) {
                     let terms = basis_f64(*at).into_iter().zip(found.iter().step_by(3));
                     let shown: f64 = terms.map(|(function, value)| function * value).sum();

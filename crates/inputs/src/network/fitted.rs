@@ -1,8 +1,8 @@
 //! Harmonics at nodes, fitted to a network along the directions from which each is seen.
 //!
-//! Directions are those of the node's cell of [`CellViews`]: the middle of the cell stands for all of
-//! its nodes, so that the fit, and what the network needs of directions, are prepared once for all
-//! of them. The network is asked along these very directions, so no error comes of that.
+//! Directions are those of the node's cell in [`CellViews`]: the middle of the cell represents all
+//! of its nodes, so that the fit and the network's direction inputs are prepared once for all of
+//! them. The network is evaluated along the same directions, so this adds no error.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -29,10 +29,10 @@ pub type Colors = [Vec<f64>; 3];
 /// Finds the colours of a node or a point along directions.
 pub type FindColors<'a, Along> = &'a mut dyn FnMut(&Along, &mut Colors);
 
-/// Sees a node `(y, z)` of a plane.
+/// Visits a node `(y, z)` of a plane.
 pub type OnNode<'a, Along> = &'a mut dyn FnMut([usize; 2], FindColors<'_, Along>);
 
-/// Colours that a network gives the nodes of a grid.
+/// Network colours at the nodes of a grid.
 pub trait NodeColors: Debug + Send + Sync {
     /// The network in memory.
     type Network: Debug + Send + Sync;
@@ -42,29 +42,29 @@ pub trait NodeColors: Debug + Send + Sync {
     /// Nodes along each axis.
     fn nodes(&self) -> Nodes;
 
-    /// Bytes of a plane that is filled along so many directions, and of all else, at most.
+    /// Maximum bytes of a plane with this many directions, and of everything else.
     fn memory_bytes(&self, directions: usize) -> [u64; 2];
 
-    /// Feeds a digest with samples of the bytes that stand for all values.
+    /// Feeds a digest with samples of the bytes that represent all values.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
 
     /// Reads the network, and prepares its inputs.
     ///
     /// # Errors
-    /// Those of reading, and a request to stop.
+    /// Errors of reading, and a request to stop.
     fn load(&self, progress: &dyn Progress) -> Result<Arc<Self::Network>>;
 
     /// Prepares unit directions.
     fn along(&self, network: &Self::Network, directions: &[[f64; 3]]) -> Self::Along;
 
-    /// Shows the nodes `(y, z)` of plane `x` in a region (rows of bits along z), row by row. Nodes
-    /// that are empty may be left out.
+    /// Visits the nodes `(y, z)` of plane `x` in a region (rows of bits along z), row by row. Empty
+    /// nodes may be skipped.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn visit(
         &self,
         network: &Self::Network,
@@ -85,7 +85,7 @@ pub struct FittedColors<N: NodeColors> {
     /// The field that hides nodes from views.
     pub(super) geometry: RadianceField,
     views: Views,
-    /// The space of cameras, where the field is what they see around them.
+    /// The space of cameras, if the field surrounds them.
     inner: Option<Bounds>,
     pub(super) limits: Limits,
     prepared: Lazy<Prepared<N::Network>>,
@@ -116,7 +116,7 @@ pub(super) struct RowCells<Along>(Vec<Cell<Along>>);
 pub(super) type Channels = [f32; 3 * FUNCTIONS];
 
 impl<N: NodeColors> FittedColors<N> {
-    /// Harmonics for colours that are seen from `cameras`, or from all around if they are few.
+    /// Harmonics for colours as seen from `cameras`, or from all around if there are few.
     /// `geometry` is the field without its colours.
     pub fn new(
         colors: N,
@@ -148,7 +148,7 @@ impl<N: NodeColors> FittedColors<N> {
         Self { harmonics: Harmonics { degree: 0, ..self.harmonics }, is_plain: true, ..self }
     }
 
-    /// The same of a field around the space that cameras stand in.
+    /// The same for a field around the space of the cameras.
     #[must_use]
     pub fn seen_from(self, inner: Bounds) -> Self {
         let views = self.views.within(&inner);

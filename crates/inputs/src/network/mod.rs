@@ -1,5 +1,5 @@
-//! Colours that a network makes for each sample, which no container holds: the network, and a fit
-//! of harmonics to it at nodes.
+//! Colours from a network per sample, which containers do not support: the network, and a fit of
+//! harmonics to it at nodes.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

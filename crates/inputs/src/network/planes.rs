@@ -1,4 +1,4 @@
-//! Colours that are found node by node, kept plane by plane for their other channels.
+//! Colours that are computed node by node, and cached plane by plane for their other channels.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -7,14 +7,13 @@ use crate::base::error::Result;
 use crate::base::lock::lock;
 use crate::model::grid::{Nodes, row};
 
-/// Planes that are kept: those of a slab, which threads read at once, and one more.
+/// Cached planes: a slab, which threads read at once, plus one.
 const KEPT_PLANES: usize = 9;
 
-/// Bytes of the planes that are kept for later passes, at most.
+/// Maximum bytes of planes that are cached for later passes.
 const ARCHIVE_BYTES: u64 = 256 << 20;
 
-/// The planes that were found last, with all their channels; and the nodes of earlier ones, where
-/// they are worth it.
+/// The most recent planes with all channels, and the nodes of earlier ones if they are expensive.
 #[derive(Debug, Default)]
 pub struct PlaneCache {
     kept: Mutex<Vec<Arc<Slot>>>,
@@ -61,12 +60,13 @@ pub fn visit(nodes: Nodes, region: &[u64], mut visit: impl FnMut([usize; 2])) {
 }
 
 impl PlaneCache {
-    /// One that keeps nodes for the next pass over all planes: these are slow to find.
+    /// A cache that keeps nodes for the next pass over all planes, because they are slow to
+    /// compute.
     pub fn with_archive() -> Self {
         Self { archive: Some(Mutex::default()), ..Self::default() }
     }
 
-    /// Bytes of planes of so many nodes and channels.
+    /// Bytes of planes of this many nodes and channels.
     pub fn bytes(&self, nodes: Nodes, channels: usize) -> u64 {
         let Nodes([nx, ny, nz]) = nodes;
         let plane = (4 * channels * ny * nz) as u64;
@@ -74,8 +74,8 @@ impl PlaneCache {
         plane * KEPT_PLANES as u64 + archive
     }
 
-    /// Copies one of `channels` of plane `x`. Where nodes of the region are not there, `fill` finds
-    /// all channels of these, channel by channel.
+    /// Copies one of `channels` of plane `x`. For missing nodes of the region, `fill` computes all
+    /// channels, channel by channel.
     ///
     /// # Errors
     /// Those of `fill`.
@@ -113,7 +113,7 @@ impl PlaneCache {
         Ok(())
     }
 
-    /// The plane's place among those that are kept.
+    /// The plane's index in the cache.
     fn slot(&self, x: usize) -> Arc<Slot> {
         let mut kept = lock(&self.kept);
         if let Some(slot) = kept.iter().find(|slot| slot.x == x) {

@@ -1,4 +1,4 @@
-//! A network that makes the colour of each sample.
+//! A network for the colour of each sample.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::base::limits::Budget;
 use crate::model::activate;
 use crate::tensor::Tensor;
 
-/// Inputs beside the features themselves and the direction, in octaves of sines and cosines.
+/// Additional inputs as octaves of sines and cosines.
 #[derive(Debug, Clone, Copy)]
 pub struct Inputs {
     /// Of each feature.
@@ -20,14 +20,14 @@ pub struct Inputs {
     pub direction: u32,
 }
 
-/// The layers of a network, checked against its inputs; weights are not yet read.
+/// The layers of a network, checked against its inputs, with unread weights.
 #[derive(Debug, Clone)]
 pub struct NetworkFile {
     layers: Vec<[Tensor; 2]>,
     inputs: Inputs,
     waves: Waves,
     features: usize,
-    /// True if the first three features are no inputs, but logits that are added to the outputs.
+    /// True if the first three features are not inputs, but logits that are added to the outputs.
     is_residual: bool,
 }
 
@@ -35,7 +35,7 @@ pub struct NetworkFile {
 #[derive(Debug, Clone, Copy)]
 struct Waves {
     first: f64,
-    /// Each is so many times the one before.
+    /// Ratio of each to the one before.
     ratio: f64,
 }
 
@@ -48,7 +48,7 @@ pub struct Network {
     layers: Vec<Layer>,
     inputs: Inputs,
     waves: Waves,
-    /// Those that are inputs.
+    /// The features that are inputs.
     features: usize,
     is_residual: bool,
 }
@@ -61,11 +61,11 @@ struct Layer {
 }
 
 impl NetworkFile {
-    /// A network of weights `[outputs, inputs]` and biases, layer by layer, from so many features
+    /// A network of weights `[outputs, inputs]` and biases, layer by layer, from this many features
     /// to three colours.
     ///
     /// # Errors
-    /// `Malformed` where shapes do not follow each other, or without layers.
+    /// `Malformed` if shapes do not follow each other, or without layers.
     pub fn new(layers: Vec<[Tensor; 2]>, inputs: Inputs, features: usize) -> Result<Self> {
         if layers.is_empty() {
             let place = Place::Key("network".to_owned());
@@ -94,7 +94,7 @@ impl NetworkFile {
         Ok(Self { layers, inputs, waves: OCTAVES, features, is_residual: false })
     }
 
-    /// The same behind three more features, logits that are added to the outputs.
+    /// The same with three more features before them, logits that are added to the outputs.
     #[must_use]
     pub fn residual(self) -> Self {
         Self { is_residual: true, ..self }
@@ -110,7 +110,7 @@ impl NetworkFile {
     /// Reads the weights.
     ///
     /// # Errors
-    /// Those of reading, and weights that are no numbers.
+    /// Errors of reading, and NaN weights.
     pub fn load(&self, budget: &mut Budget) -> Result<Network> {
         let mut layers = Vec::new();
         for [weight, bias] in &self.layers {
@@ -175,7 +175,7 @@ impl Network {
         }
     }
 
-    /// A network of layers that are so wide, of weights that `number` makes.
+    /// A network with layers of these widths, and weights from `number`.
     #[cfg(test)]
     pub(super) fn of(
         features: usize,
@@ -197,7 +197,7 @@ impl Network {
         network
     }
 
-    /// The inputs of a node alone; those of its direction are 0.
+    /// The inputs of a node; direction inputs are 0.
     pub(super) fn node_inputs(&self, features: &[f64], at: [f64; 3], inputs: &mut Vec<f64>) {
         inputs.clear();
         inputs.extend(features.iter().copied().chain([0.0; 3]));
@@ -205,7 +205,7 @@ impl Network {
         self.waves.encode(&at, self.inputs.position, inputs);
     }
 
-    /// The inputs of a direction alone; those of the node are 0.
+    /// The inputs of a direction; node inputs are 0.
     pub(super) fn inputs_of(&self, direction: [f64; 3]) -> Vec<f64> {
         let mut inputs = vec![0.0; self.features];
         inputs.extend(direction);
@@ -214,7 +214,7 @@ impl Network {
         inputs
     }
 
-    /// The inputs, of all, that encode a direction.
+    /// The range of inputs that encode a direction.
     fn direction_inputs(&self) -> Range<usize> {
         let width = |octaves: u32, values: usize| 2 * octaves as usize * values;
         let of_node = width(self.inputs.features, self.features) + width(self.inputs.position, 3);

@@ -73,7 +73,7 @@ impl NodeColors for StoredFeatures {
         match &self.features {
             Grid::Values(values) => values.digest(hash),
             Grid::Array(_) => {
-                // The checksums of an archive, if there are any, stand for all values.
+                // The checksums of an archive, if any, cover all values.
                 let Nodes([nx, ny, nz]) = self.nodes();
                 let mut plane = vec![0.0; ny * nz];
                 self.features.read_plane(0, nx / 2, &mut plane, hash)

@@ -1,23 +1,23 @@
-//! Viewing directions of a scene: those that a fit uses, and those held out of it.
+//! Viewing directions of a scene: those for a fit, and those held out.
 //!
-//! Given cameras are places, from which each position is seen along another direction. Without
-//! enough of them the scene is seen from all around, along the directions of a spiral. One in
-//! [`HELD_OUT_EVERY`] cameras is kept from every fit, and so is a second spiral.
+//! Given cameras see each position along a different direction. If there are too few, the scene is
+//! seen from all around, along the directions of a spiral. One in [`HELD_OUT_EVERY`] cameras is
+//! kept from every fit, and so is a second spiral.
 
 use sha2::{Digest, Sha256};
 
 use crate::base::bytes::hex;
 use crate::model::grid::Bounds;
 
-/// Cameras that are too few to be fitted to.
+/// Number of cameras up to which fits ignore them.
 const LEAST_CAMERAS: usize = 16;
-/// One camera in so many is held out of fits.
+/// One in this many cameras is held out of fits.
 const HELD_OUT_EVERY: usize = 8;
 /// Directions of a scene without cameras.
 const AROUND: u32 = 64;
 /// Directions all around that are held out of its fits.
 const HELD_OUT_AROUND: u32 = 16;
-/// The turn from one spiral to the other, in radians.
+/// The angle from one spiral to the other, in radians.
 const TURN: f64 = 1.0;
 /// Distance of places within a box from its middle, in half its edges.
 const WITHIN: f64 = 0.7;
@@ -34,7 +34,7 @@ pub enum Views {
 }
 
 impl Views {
-    /// From cameras at these places, as far as fits use them; from all around if they are few.
+    /// From the cameras at these places that fits use; from all around if there are few.
     pub fn new(cameras: &[[f64; 3]]) -> Self {
         if cameras.len() < LEAST_CAMERAS {
             return Self::around();
@@ -43,8 +43,7 @@ impl Views {
         Self::Cameras(fits.map(|(_, place)| *place).collect())
     }
 
-    /// Cameras as they are; else places around the middle of a box, from which its surroundings are
-    /// seen.
+    /// The given cameras; else places around the middle of a box, for views of its surroundings.
     #[must_use]
     pub fn within(&self, inner: &Bounds) -> Self {
         let Self::Around(directions) = self else { return self.clone() };
@@ -65,7 +64,7 @@ impl Views {
         Self::Around(all_around())
     }
 
-    /// The words of provenance: none for those all around, a digest of cameras.
+    /// The description for provenance: none for views from all around, else a digest of cameras.
     pub fn label(&self) -> String {
         let Self::Cameras(places) = self else { return String::new() };
         let mut sum = Sha256::new();
@@ -102,7 +101,7 @@ pub fn all_around() -> Vec<[f64; 3]> {
     spiral(AROUND, 0.0)
 }
 
-/// Camera positions held out of a fit to these cameras, or positions all around if they are few.
+/// Camera positions held out of a fit to these cameras, or positions all around if there are few.
 pub fn held_out_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
     if cameras.len() >= LEAST_CAMERAS {
         let held_out = (0..).zip(cameras).filter(|(number, _)| is_held_out(*number));
@@ -121,7 +120,7 @@ pub fn held_out_eyes(cameras: &[[f64; 3]], bounds: &Bounds) -> Vec<[f64; 3]> {
     spiral(HELD_OUT_AROUND, TURN).into_iter().map(eye).collect()
 }
 
-/// The same of what surrounds a box: places in it if the cameras are few.
+/// The same for the surroundings of a box: places in it if there are few cameras.
 pub(super) fn held_out_within(cameras: &[[f64; 3]], inner: &Bounds) -> Views {
     match cameras.len() >= LEAST_CAMERAS {
         true => Views::Cameras(held_out_eyes(cameras, inner)),

@@ -1,19 +1,19 @@
-//! The nodes whose colour a picture can show.
+//! The nodes whose colour can be visible.
 //!
 //! A sample is coloured if its weight is above the colour threshold of the march. Its weight is at
-//! most its opacity, and that is at most the largest one of its cell's corners. A node none of
-//! whose cells has such a corner is black in the model's own pictures, so no network is asked
-//! there.
+//! most its opacity, and that is at most the largest one of its cell's corners. A node without such
+//! a corner in any of its cells is black in the model's own pictures, so the network is not
+//! evaluated there.
 
 use super::planes::PlaneCache;
 use crate::base::error::Result;
 use crate::model::field::{Nonfinite, Planes, RadianceField};
 use crate::model::grid::{Nodes, row};
 
-/// Opacities that rounding may lift above the threshold count as above.
+/// Opacities that rounding may raise above the threshold count as above.
 const SLACK: f64 = 0.999;
 
-/// The densities of a field that were read last.
+/// The most recently read densities of a field.
 #[derive(Debug, Default)]
 pub(super) struct VisibleNodes {
     densities: PlaneCache,
@@ -29,7 +29,7 @@ impl VisibleNodes {
     /// above its colour threshold.
     ///
     /// # Errors
-    /// Those of reading density.
+    /// Errors of reading density.
     pub(super) fn within(
         &self,
         geometry: &RadianceField,
@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn a_node_is_shaded_if_a_neighbour_is_opaque() {
         for nodes in [[2, 2, 2], [5, 3, 70], [4, 9, 64], [7, 2, 130]] {
-            // Faint, but for a few nodes.
+            // Faint, except for a few nodes.
             let [nx, ny, nz] = nodes;
             let is_dense = |node: [usize; 3]| (node[0] * 7 + node[1] * 3 + node[2]) % 37 == 1;
             let place = |at: usize| [at / (ny * nz), at / nz % ny, at % nz];

@@ -1,4 +1,4 @@
-//! A model in memory, evaluated at positions of its unit cube.
+//! A model in memory, evaluated at positions in its unit cube.
 
 use super::frame::Frame;
 use crate::model::harmonics::basis_f64;
@@ -11,9 +11,9 @@ const DENSEST: f64 = 1e30;
 #[derive(Debug)]
 pub(super) struct Ngp {
     pub(super) field: HashField,
-    /// The table spans a cube of so many unit cubes along an edge, around the same middle.
+    /// The table spans a cube of this many unit cubes along an edge, around the same middle.
     pub(super) reach: f64,
-    /// Density along an edge of the unit cube, for one along the model's own unit.
+    /// Factor from density per model unit to density per edge of the unit cube.
     pub(super) per_edge: f64,
 }
 
@@ -41,7 +41,7 @@ impl Ngp {
         added.for_each(|density| *density = self.per_edge(*density));
     }
 
-    /// What is at the positions of a packet. Returns the optical depths of an edge.
+    /// Evaluates the positions of a packet. Returns the optical depths of an edge.
     pub(super) fn places<T: Number>(
         &self,
         positions: &[[f64; 3]],

@@ -14,23 +14,23 @@ use crate::packets::{
     HashField, HashGrid, HashNetwork, Layer, Levels, Matrix, Values, ViewNetwork,
 };
 
-/// How steps grow with the distance.
+/// The growth of steps with the distance.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Growth {
     /// They do not.
     None,
-    /// By a ratio; samples lie at whole numbers of steps, whatever ray they are of.
+    /// By a ratio; on all rays, samples lie at whole numbers of steps.
     Ratio(GrowingSteps),
-    /// Each is a share of the distance, up to a longest one. Longer ones look at larger cells.
+    /// Each is a share of the distance, up to a maximum. Longer steps use larger cells.
     Share { share: f64, longest: f64 },
 }
 
 /// The rules of a ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
-    /// Length of a step, in edges of the unit cube; of the least one where they grow.
+    /// Length of a step in edges of the unit cube; of the shortest one if steps grow.
     pub(super) step: f64,
-    /// How steps grow with the distance.
+    /// The growth of steps with the distance.
     pub(super) growth: Growth,
     /// Transmittance below which a ray ends.
     pub(super) min_transmittance: f64,
@@ -38,17 +38,18 @@ pub(super) struct Rules {
     pub(super) divides: bool,
 }
 
-/// A model whose parameters are read when they are first wanted.
+/// A model whose parameters are read on first use.
 #[derive(Debug)]
 pub(super) struct NgpFile {
     pub(super) levels: Levels,
     pub(super) table: Values,
     pub(super) density: Vec<Matrix>,
     pub(super) color: Vec<Matrix>,
-    /// True if the colour network takes the direction first, and not the first output of the other.
+    /// True if the colour network takes the direction first, and not the first output of the
+    /// density network.
     pub(super) direction_first: bool,
     pub(super) reach: f64,
-    /// The scene is a cube of so many unit cubes along an edge, around the same middle.
+    /// The scene is a cube of this many unit cubes along an edge, around the same middle.
     pub(super) span: f64,
     pub(super) per_edge: f64,
     pub(super) frame: Frame,
@@ -92,8 +93,8 @@ impl NgpFile {
         Ok(Ngp { field, reach: self.reach, per_edge: self.per_edge })
     }
 
-    /// True if the density at a position of the cube counts: of one unit cube in occupied cells, of
-    /// larger scenes wherever the table reaches.
+    /// True if the density at a position of the cube counts: in scenes of one unit cube, in
+    /// occupied cells; in larger scenes, wherever the table reaches.
     pub(super) fn shows(&self, at: [f64; 3]) -> bool {
         match self.span > 1.0 {
             true => at.iter().all(|at| (at - 0.5).abs() <= 0.5 * self.span),
@@ -107,7 +108,7 @@ impl NgpFile {
         4 * (self.table.count + matrices.map(|matrix| matrix.values.count).sum::<u64>())
     }
 
-    /// Shows the bytes of the parameters.
+    /// Visits the bytes of the parameters.
     pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let matrices = self.density.iter().chain(&self.color).map(|matrix| &matrix.values);
         for values in matrices.chain([&self.table]) {

@@ -2,7 +2,7 @@
 
 use crate::model::grid::Bounds;
 
-/// A position `p` of the world lies at `p scale + offset`, with its axes turned.
+/// A position `p` of the world maps to `p scale + offset`, with permuted axes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     pub(super) scale: f64,
@@ -11,7 +11,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The cube's axes of those of the world: y, z, x.
+    /// The cube's axes in terms of the world's: y, z, x.
     pub(super) fn turned<T>([x, y, z]: [T; 3]) -> [T; 3] {
         [y, z, x]
     }

@@ -7,22 +7,22 @@
 //! colour   = sigmoid(colour network(h, harmonics of degree 3 of the direction))
 //! ```
 //!
-//! Small levels have an entry for each node, the others share entries by a hash of the node. The
-//! snapshot does not say how large levels are: the number of its parameters is the checksum of what
-//! is computed.
+//! Small levels have an entry for each node; the others share entries by a hash of the node. The
+//! snapshot does not state the sizes of levels: they are computed, and checked by the number of
+//! parameters.
 //!
 //! **Its own rules.** Steps have one length, the unit cube's diagonal in 1024; in scenes of several
-//! unit cubes they grow with the distance from the camera, as do the cells. Samples outside of
-//! occupied cells are left out. Instant-NGP ends a ray at a transmittance below 0.01 and divides its
+//! unit cubes they grow with the distance from the camera, as do the cells. Samples outside
+//! occupied cells are skipped. Instant-NGP ends a ray at a transmittance below 0.01 and divides its
 //! colour by the rest, torch-ngp ends it below 1e-4.
 //!
-//! **The field.** There are no nodes to take over: the networks are evaluated at nodes of a grid, in
-//! and next to occupied cells, and harmonics are fitted to the colours. The occupied cells are the
-//! field's mask of free space. Around the unit cube there are more boxes, whose nodes are empty outside
-//! of occupied cells.
+//! **The field.** The model has no nodes: the networks are evaluated at nodes of a grid, in and
+//! next to occupied cells, and harmonics are fitted to the colours. The occupied cells are the
+//! field's mask of free space. More boxes surround the unit cube; their nodes are empty outside
+//! occupied cells.
 //!
-//! No snapshot of the real Instant-NGP was tried yet, so a [`Source`](super::Source) of one carries a
-//! warning.
+//! No snapshot of the real Instant-NGP has been tried yet, so its [`Source`](super::Source) carries
+//! a warning.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

@@ -33,7 +33,7 @@ struct Loaded {
     model: Arc<Ngp>,
 }
 
-/// Edges of the unit cube from the entry to where growing steps are counted from.
+/// Distance from the entry to the origin of growing steps, in edges of the unit cube.
 const BEHIND: f64 = 1e-6;
 
 /// A ray in the unit cube.
@@ -47,7 +47,7 @@ struct Path {
     number: f64,
 }
 
-/// A place where the model is asked.
+/// A sample position.
 struct Sample {
     t: f64,
     at: [f64; 3],
@@ -101,7 +101,7 @@ impl TrainedModel for Loaded {
         let [enters, end] = crossing(origin, direction, corners.map(|at| [at; 3]), guard);
         let (enters, far) = (enters.max(0.0), rules.farthest() * frame.scale);
         let t = enters.min(far).max(f64::from(rules.near) * frame.scale);
-        // Growing steps are counted from a little behind the entry.
+        // Growing steps are counted from slightly behind the entry.
         let (t, number) = match own.growth {
             Growth::Ratio(growing) => (t + BEHIND, growing.number(t + BEHIND)),
             Growth::None | Growth::Share { .. } => (t, 0.0),

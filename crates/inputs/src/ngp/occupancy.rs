@@ -1,22 +1,22 @@
-//! The occupied cells of the unit cube, and of cubes around it that are each twice as large.
+//! The occupied cells of the unit cube, and of cubes around it, each twice as large.
 
 use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Bounds, Nodes};
 
 use super::frame::Frame;
 
-/// Cells of cubes around each other, as many in each.
+/// Cells of nested cubes, the same number in each.
 #[derive(Debug, Clone)]
 pub(super) struct Occupancy {
     side: usize,
     /// The edge of the last cube, which need not be twice the one before.
     span: f64,
-    /// Of each cube in Morton order, x in the lowest bit; the unit cube is the first.
+    /// By cube, in Morton order with x in the lowest bit; the unit cube is the first.
     cubes: Vec<Vec<bool>>,
     crop: Crop,
 }
 
-/// The part of the unit cube that is shown.
+/// The rendered part of the unit cube.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) enum Crop {
     /// All of it.
@@ -24,28 +24,28 @@ pub(super) enum Crop {
     None,
     /// A box, from and to along each axis.
     Box([[f64; 2]; 3]),
-    /// A box with axes of its own, which is not held to.
+    /// A rotated box, which is ignored.
     LeftOut,
 }
 
 impl Occupancy {
-    /// Of `side` cells along an edge of each cube, a power of 2, in Morton order. The last cube's edge
-    /// is `span`.
+    /// With `side` cells along an edge of each cube, a power of 2, in Morton order. The last cube's
+    /// edge is `span`.
     pub(super) fn new(side: usize, span: f64, cubes: Vec<Vec<bool>>) -> Self {
         Self { side, span, cubes, crop: Crop::None }
     }
 
-    /// The same, shown in part.
+    /// The same, rendered in part.
     pub(super) fn cropped(self, crop: Crop) -> Self {
         Self { crop, ..self }
     }
 
-    /// The part that is shown.
+    /// The rendered part.
     pub(super) fn crop(&self) -> Crop {
         self.crop
     }
 
-    /// The part of the world in which samples count, if it is not all of the cube.
+    /// The part of the world in which samples count, unless it is the whole cube.
     #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
     pub(super) fn sampled(&self, frame: &Frame) -> Option<Bounds> {
         // The cube's axes are y, z and x of the world.
@@ -61,15 +61,15 @@ impl Occupancy {
         Some(shown)
     }
 
-    /// True if a position, within a distance, is shown.
+    /// True if a position is rendered, or within a distance of the rendered part.
     fn shows(&self, position: [f64; 3], distance: f64) -> bool {
         let Crop::Box(shown) = self.crop else { return true };
         let mut axes = position.into_iter().zip(shown);
         axes.all(|(at, [low, high])| at >= low - distance && at <= high + distance)
     }
 
-    /// The number of the smallest cube that holds a position; one more than there are for those
-    /// beyond.
+    /// The number of the smallest cube around a position; the number of cubes for positions beyond
+    /// all.
     fn cube(&self, position: [f64; 3]) -> usize {
         let farthest = position.iter().fold(0.0, |most: f64, at| most.max((at - 0.5).abs()));
         let holds = |number: &usize| farthest <= 0.5 * self.edge(*number);
@@ -101,8 +101,8 @@ impl Occupancy {
         self.contains_in(position, self.cube(position))
     }
 
-    /// The same for a sample that stands for a step of a ray: its cell is longer than the step, if
-    /// need be that of a larger cube.
+    /// The same for a sample with a step length: its cell must be longer than the step, so it may
+    /// be one of a larger cube.
     pub(super) fn contains_by_step(&self, position: [f64; 3], step: f64) -> bool {
         let cells = step * self.side as f64;
         let is_short = |number: &usize| cells < libm::exp2(*number as f64);
@@ -120,11 +120,11 @@ impl Occupancy {
 
     /// True if a cell within a distance of a position is occupied.
     pub(super) fn touches(&self, position: [f64; 3], distance: f64) -> bool {
-        // Nodes beside the part that is shown shape what lies between them.
+        // Nodes beside the rendered part affect interpolation in it.
         if !self.shows(position, distance) {
             return false;
         }
-        // Nodes on the outermost faces may be rounded beyond them.
+        // Rounding may place nodes of the outermost faces beyond them.
         let cube = self.cube(position).min(self.cubes.len().saturating_sub(1));
         let edge = self.edge(cube);
         let along = |at: f64| self.along((at - 0.5) / edge + 0.5);

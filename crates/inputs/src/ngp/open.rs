@@ -20,17 +20,17 @@ use crate::options::{MlpChoice, SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, Source};
 use crate::tensor::TensorFile;
 
-/// Nodes along an axis where no option says another number.
+/// Default nodes along an axis.
 const RESOLUTION: usize = 256;
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
-/// The degree of a fit that nobody asked for another of.
+/// Default degree of a fit.
 const DEGREE: usize = 2;
 /// Weight up to which samples add no colour.
 const COLOR_THRESHOLD: f32 = 1e-4;
-/// Where torch-ngp's rays begin (`--min_near`).
+/// Distance at which torch-ngp's rays begin (`--min_near`).
 const TORCH_NEAR: f32 = 0.2;
-/// torch-ngp's scale of cameras where none is given.
+/// torch-ngp's default scale of cameras.
 const TORCH_SCALE: f32 = 0.33;
 
 /// True for snapshots of Instant-NGP.
@@ -48,8 +48,8 @@ pub fn knows_checkpoint(file: &TensorFile) -> bool {
 /// Opens a snapshot of Instant-NGP.
 ///
 /// # Errors
-/// `Unsupported` for other configurations, `Malformed` where the number of parameters is not that
-/// of the configuration.
+/// `Unsupported` for other configurations, `Malformed` if the number of parameters does not match
+/// the configuration.
 pub fn open_snapshot(
     file: &TensorFile,
     options: &SourceOptions,
@@ -108,7 +108,7 @@ fn source(
     }
     let is_unbounded = model.span > 1.0;
     let side = options.resolution.unwrap_or(RESOLUTION);
-    // Boxes around each other share every second node.
+    // Nested boxes share every second node.
     let side = if is_unbounded { side.max(3) | 1 } else { side };
     let nodes = Nodes::checked([side as u64; 3], limits, &Place::Key("resolution".to_owned()))?;
     let plain = options.view == ViewChoice::None || options.mlp == MlpChoice::None;
@@ -129,7 +129,7 @@ fn source(
     let march = March {
         stepsize,
         voxel_size,
-        // What is nearer to torch-ngp's cameras was never trained.
+        // Space closer to torch-ngp's cameras was never trained.
         near: if is_unbounded && family == Family::TorchNgp { TORCH_NEAR } else { 0.0 },
         far: None,
         color_threshold: options.color_threshold.unwrap_or(COLOR_THRESHOLD),
@@ -200,7 +200,7 @@ fn shells(
     Ok(nested::shells(&world, field, around, first.bounds, colors, limits))
 }
 
-/// What is made of the box that a snapshot shows.
+/// The treatment of the box that a snapshot renders.
 fn crop_assumption(crop: Crop) -> Option<Assumption> {
     let (value, message) = match crop {
         Crop::None => return None,

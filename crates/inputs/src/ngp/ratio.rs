@@ -1,11 +1,11 @@
 //! The ratio of the sizes of levels, which snapshots do not state.
 //!
 //! It is `exp(ln(finest / first) / (levels - 1))` in float32, and one float more or less moves the
-//! finest nodes of large scenes by hundredths. Machines differ by that float, as do the known counts
-//! of parameters of one configuration from two of them. The number of parameters tells which it is
-//! only sometimes. Else the ratio here is NumPy's, with which the reference rays were computed.
+//! finest nodes of large scenes by hundredths. Machines differ by that float, so one configuration
+//! has two known parameter counts. The number of parameters determines the ratio only sometimes.
+//! Otherwise, the ratio here is NumPy's, with which the reference rays were computed.
 
-/// `exp` of NumPy: Cody and Waite's reduction and a rational function, with fused steps.
+/// NumPy's `exp`: Cody-Waite reduction and a rational function, with fused multiply-adds.
 #[expect(clippy::cast_possible_truncation, reason = "float32")]
 fn exp(x: f32) -> f32 {
     const LN_2: [f32; 2] = [-6.931_457_5e-1, -1.428_606_8e-6];

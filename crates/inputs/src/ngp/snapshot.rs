@@ -35,17 +35,17 @@ const MOST_LAYERS: i64 = 16;
 const MOST_CELLS: i64 = 256;
 /// Densities above this, or above the mean, are occupied.
 const OCCUPIED: f64 = 0.01;
-/// Steps grow by this share of the distance in scenes of several unit cubes, up to so many of the
+/// Steps grow by this share of the distance in scenes of several unit cubes, up to this many of the
 /// least ones.
 const GROWTH: f64 = 1.0 / 256.0;
 const LONGEST: f64 = 1024.0;
-/// The version that is known. Snapshots before it, of July 2022, state none: their cells are float32.
+/// The supported version. Earlier snapshots, of July 2022, state none: their cells are float32.
 const VERSION: i64 = 1;
-/// The box that is shown, in the unit cube's axes, and the rotation of its own.
+/// The rendered box in the unit cube's axes, and its rotation.
 const CROP: &str = "snapshot.render_aabb";
 const CROP_TURN: &str = "snapshot.render_aabb_to_local";
 
-/// A value that some keys lead to.
+/// The value at a path of keys.
 struct Keys<'a>(&'a Value);
 
 impl<'a> Keys<'a> {
@@ -73,7 +73,7 @@ impl<'a> Keys<'a> {
         self.find(path).map_or(Ok(default), |value| value.number(path))
     }
 
-    /// Refuses texts that are none of those expected. A missing one is the first.
+    /// Refuses unexpected texts. A missing one counts as the first.
     fn text(&self, path: &str, expected: &[&str]) -> Result<()> {
         let found = match self.find(path) {
             None => return Ok(()),
@@ -123,7 +123,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
         None => None,
     };
     let width = usize::try_from(sizes.levels * sizes.features).unwrap_or(0);
-    // A network behind a table takes zeros for the rest.
+    // A network behind a table takes zeros as padding.
     let width = width.next_multiple_of(MULTIPLE);
     let density = shapes(&keys, "network", width, GEOMETRY)?;
     let color = shapes(&keys, "rgb_network", GEOMETRY + FUNCTIONS, MULTIPLE)?;
@@ -207,7 +207,7 @@ fn cascades(aabb: i64) -> u32 {
     (0..7u32).find(|&number| 1i64 << number >= aabb).map_or(8, |larger| larger + 1)
 }
 
-/// The part of a scene that is shown, if it is not all of `span` unit cubes along an edge.
+/// The rendered part of a scene, unless it is the whole cube of `span` unit cubes along an edge.
 fn crop(keys: &Keys<'_>, span: f64) -> Result<Crop> {
     let corner = |name: &str| -> Result<Option<[f64; 3]>> {
         let path = format!("{CROP}.{name}");
@@ -235,7 +235,7 @@ fn crop(keys: &Keys<'_>, span: f64) -> Result<Crop> {
     Ok(Crop::Box(within))
 }
 
-/// True if the box that is shown has axes of its own.
+/// True if the rendered box is rotated.
 fn is_turned(keys: &Keys<'_>) -> Result<bool> {
     const UNIT: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let Some(value) = keys.find(CROP_TURN) else { return Ok(false) };
@@ -254,7 +254,7 @@ fn unsigned(value: i64) -> u64 {
     value.max(0).cast_unsigned()
 }
 
-/// Refuses models that are no radiance field of a hash grid.
+/// Refuses models that are not a radiance field of a hash grid.
 fn refuse_others(keys: &Keys<'_>) -> Result<()> {
     keys.text("snapshot.mode", &["nerf"])?;
     keys.text("encoding.otype", &["HashGrid", "Grid"])?;
@@ -316,8 +316,8 @@ fn shapes(keys: &Keys<'_>, name: &str, inputs: usize, outputs: usize) -> Result<
     Ok(shapes)
 }
 
-/// The levels whose entries and the networks are `count` parameters. The ratio of levels is not in
-/// the file, and one float beside it gives other sizes.
+/// The levels for which tables and networks have `count` parameters. The ratio of levels is not in
+/// the file, and adjacent floats give different sizes.
 fn levels(
     sizes: &Sizes,
     stated: Option<f32>,
@@ -361,7 +361,7 @@ fn frame(keys: &Keys<'_>) -> Result<Frame> {
     Ok(Frame { scale, offset })
 }
 
-/// The cells whose density is above a threshold: the first cubes of those that are stored.
+/// The cells whose density is above a threshold, in the first of the stored cubes.
 fn occupancy(
     keys: &Keys<'_>,
     [stored, used]: [u32; 2],
@@ -391,7 +391,7 @@ fn occupancy(
         budget.spend(cells as u64, "bytes of cells", &tensor.place())?;
         storage.read_into(number * 2 * cells as u64, &mut bytes)?;
         Element::F16.decode(&bytes, &mut densities);
-        // The mean is that of the unit cube.
+        // The mean of the unit cube.
         let least = *least.get_or_insert_with(|| {
             let sum: f64 = densities.iter().map(|density| f64::from(density.max(0.0))).sum();
             OCCUPIED.min(sum / cells as f64)

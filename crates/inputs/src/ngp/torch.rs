@@ -31,7 +31,7 @@ const BASE: u64 = 16;
 const FINEST: f64 = 2048.0;
 /// Steps of a ray through the first cube along its diagonal.
 const STEPS: f64 = 1024.0;
-/// A step is so much of the distance, unless training said otherwise (`--dt_gamma`).
+/// Default ratio of a step to the distance (`--dt_gamma`).
 const GROWTH: f64 = 1.0 / 128.0;
 /// Cubes around the first one, at most.
 const MOST_CUBES: u32 = 10;
@@ -40,7 +40,7 @@ const SIDE: usize = 128;
 /// Matrices of a network, at most.
 const MOST_LAYERS: usize = 16;
 
-/// A tensor of the dictionary `model`, or of a flat file with its name before.
+/// A tensor of the dictionary `model`, or of a flat file with that prefix.
 pub(super) fn model<'a>(file: &'a TensorFile, name: &str) -> Option<&'a Tensor> {
     let flat = || file.root.get(&format!("model.{name}"));
     file.root.at(&["model", name]).or_else(flat).and_then(Value::tensor)
@@ -97,7 +97,7 @@ pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     let place = |name: &str| Place::Tensor(format!("model.{name}"));
     check_network(&density, levels.width(), 2, &place("sigma_net"))?;
     check_network(&color, FUNCTIONS + geometry - 1, 3, &place("color_net"))?;
-    // The unit cube of cells spans as much of the box as there is, -1 to 1 at most.
+    // The unit cube of cells spans the box, at most -1 to 1.
     let half = bound.min(1.0);
     let frame = Frame { scale: 0.5 / half, offset: [0.5; 3] };
     let step = libm::sqrt(3.0) / STEPS / half;

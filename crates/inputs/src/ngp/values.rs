@@ -13,7 +13,7 @@ use crate::model::grid::Nodes;
 use crate::network::{NodeColors, OnNode, visit};
 use crate::packets::{Directions, FieldScratch, LANES, Places};
 
-/// Optical depth of a voxel from which nothing is seen behind it.
+/// Optical depth of an opaque voxel.
 const OPAQUE: f64 = 60.0;
 
 /// Nodes at which a model is evaluated: `side` along each axis of its cube.
@@ -29,8 +29,8 @@ impl Samples {
         1.0 / (self.side - 1) as f64
     }
 
-    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and their positions. Nodes
-    /// that touch no occupied cell are left out.
+    /// Calls `on_nodes` with up to [`LANES`] nodes of a region at a time, and their positions.
+    /// Nodes that touch no occupied cell are skipped.
     fn for_each(
         &self,
         x: usize,
@@ -116,7 +116,7 @@ impl NodeColors for Samples {
     }
 
     fn memory_bytes(&self, _: usize) -> [u64; 2] {
-        // Those of density stand for the model.
+        // The digest of density covers the model.
         [0; 2]
     }
 

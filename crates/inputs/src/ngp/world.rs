@@ -1,4 +1,4 @@
-//! A scene of several unit cubes at positions of the world.
+//! A scene of several unit cubes, at world positions.
 
 use std::sync::Arc;
 
@@ -9,11 +9,11 @@ use crate::nested::{ColoredWorld, World};
 use crate::network::Colors;
 use crate::packets::{Directions, FieldScratch, Found};
 
-/// Edges of cells over the distance at which values are told apart.
+/// Ratio of a cell's edge to the model's resolution.
 const PER_CELL: f64 = 2.0;
 
-/// A model as boxes sample it. The network has details at any distance; what counts are those that
-/// training saw, which grow with the cells of occupied space.
+/// A model, for sampling by boxes. The network has details at any distance; its useful resolution
+/// is that of training, which grows with the occupancy cells.
 #[derive(Debug)]
 pub(super) struct NgpWorld(pub(super) Arc<NgpFile>);
 

@@ -36,14 +36,14 @@ fn each<T: Real, const F: usize>(
 ) {
     let rows = table.as_chunks::<F>().0;
     for (level, out) in levels.levels.iter().zip(out.as_chunks_mut::<F>().0) {
-        // A table is as long as its levels say.
+        // The levels determine the length of a table.
         let first = usize::try_from(level.first).unwrap_or(usize::MAX);
         let rows = rows.get(first..).unwrap_or_default();
         one(level, levels.shift, rows, at, out);
     }
 }
 
-/// The features of a level. A node's entry is joined from numbers of its coordinates.
+/// The features of a level. A node's entry is combined from factors of its coordinates.
 #[inline(always)]
 fn one<T: Real, const F: usize>(
     level: &Level,
@@ -53,14 +53,14 @@ fn one<T: Real, const F: usize>(
     out: &mut [Lanes<T>; F],
 ) {
     let scale = f64::from(level.scale);
-    // Of the lower and the upper node along each axis.
+    // For the lower and the upper node along each axis.
     let mut numbers = [[[0u32; LANES]; 2]; 3];
     let mut shares = [[[T::default(); LANES]; 2]; 3];
     let axes = numbers.iter_mut().zip(&mut shares).zip(at).zip(level.factors());
     for ((([low, high], [away, near]), at), factor) in axes {
         let lanes = low.iter_mut().zip(high).zip(away.iter_mut().zip(near)).zip(at);
         for (((low, high), (away, near)), at) in lanes {
-            // Nothing is stored beyond the box, and far positions have no node.
+            // The table ends at the box, and far positions have no node.
             let at = at.clamp(0.0, 1.0) * scale + shift;
             let floor = at.floor();
             #[expect(clippy::cast_possible_truncation, reason = "within the level's nodes")]
@@ -76,7 +76,7 @@ fn one<T: Real, const F: usize>(
             // A power of 2.
             (x ^ y ^ z) & (entries - 1)
         } else {
-            // The last node of an axis may be one beyond those that are counted.
+            // The last node of an axis may be one beyond the counted nodes.
             let sum = x.wrapping_add(y).wrapping_add(z);
             if sum >= entries { sum - entries } else { sum }
         }
@@ -94,7 +94,7 @@ fn one<T: Real, const F: usize>(
                 {
                     *weight = *x * *y * *z;
                 }
-                // Read one by one, and added as vectors.
+                // Reads are scalar, additions are vectorized.
                 let mut values = [[0.0f32; LANES]; F];
                 for (lane, entry) in found.into_iter().enumerate() {
                     let row = rows.get(entry as usize).copied().unwrap_or([0.0; F]);

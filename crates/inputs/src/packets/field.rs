@@ -1,4 +1,4 @@
-//! A field of two networks: one behind a table of features, and one for what that finds along a
+//! A field of two networks: one behind a table of features, and one from its outputs and a
 //! direction.
 
 use super::grid::gathered;
@@ -10,11 +10,11 @@ use crate::network::Colors;
 /// A model whose density is an exponential of the first output, and whose colours are sigmoids.
 #[derive(Debug)]
 pub struct HashField {
-    /// Of density and of what the other takes.
+    /// The density network, whose other outputs are inputs of the colour network.
     pub shape: HashNetwork,
-    /// Of colour.
+    /// The colour network.
     pub color: ViewNetwork,
-    /// Outputs of the first one that the other does not take.
+    /// Outputs of the density network that the colour network does not take.
     pub skipped: usize,
 }
 
@@ -31,7 +31,7 @@ impl<T> Default for FieldScratch<T> {
     }
 }
 
-/// What is at positions, packet by packet.
+/// The evaluated positions, packet by packet.
 #[derive(Debug, Default)]
 pub struct Found {
     packets: Vec<Places<f32>>,
@@ -39,7 +39,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// Finds positions anew, up to [`LANES`] at a time.
+    /// Evaluates new positions, up to [`LANES`] at a time.
     pub fn fill(
         &mut self,
         positions: &[[f64; 3]],
@@ -67,7 +67,7 @@ impl HashField {
         }
     }
 
-    /// What is at up to [`LANES`] positions of the table's cube. Returns their densities.
+    /// Evaluates up to [`LANES`] positions of the table's cube. Returns their densities.
     pub fn places<T: Number>(
         &self,
         positions: &[[f64; 3]],

@@ -1,4 +1,4 @@
-//! A table of features, asked at many positions at once.
+//! A table of features, evaluated at many positions at once.
 
 use super::encode::Coordinates;
 use super::kernels::Kernels;
@@ -45,7 +45,7 @@ mod tests {
     /// Factors of the coordinates in a hash.
     const PRIMES: [u64; 3] = [1, 2_654_435_761, 805_459_861];
 
-    /// The features of a level at a position, in whole numbers and float64 from the rules alone.
+    /// The features of a level at a position, directly from the rules, in integers and float64.
     fn plain(level: &Level, shift: f64, features: usize, table: &[f32], at: [f64; 3]) -> Vec<f64> {
         let places = at.map(|at| at.clamp(0.0, 1.0) * f64::from(level.scale) + shift);
         let mut sums = vec![0.0; features];

@@ -7,12 +7,13 @@ use super::levels::Levels;
 use super::multiply;
 use super::real::{Lanes, Real};
 
-/// Numbers with loops of their own: functions for each kind of processor cannot be generic.
+/// Number types with their own loops, because functions that are compiled per processor cannot be
+/// generic.
 pub trait Kernels: Real {
     /// Adds products of weights and inputs to sums; see `multiply`.
     fn multiply(weights: &[Self], rows: usize, inputs: &[Lanes<Self>], sums: &mut [Lanes<Self>]);
 
-    /// Turns negative numbers, and those that are none, into 0.
+    /// Replaces negative numbers and NaN by 0.
     fn relu(values: &mut [Lanes<Self>]);
 
     /// The features of positions, level by level.

@@ -8,7 +8,8 @@
 //! entry = x + y s + z s^2 where all nodes have one, else x ^ 2654435761 y ^ 805459861 z
 //! ```
 //!
-//! Entries are counted modulo those of the level: the last node of an axis may be one beyond it.
+//! Entries are taken modulo the level's number, because the last node of an axis may be one beyond
+//! it.
 
 use crate::base::error::{Error, Place, Result};
 
@@ -49,7 +50,7 @@ pub struct Levels {
     pub(super) shift: f64,
 }
 
-/// The numbers that levels follow from.
+/// The parameters that determine levels.
 #[derive(Debug, Clone, Copy)]
 pub struct Sizes {
     pub levels: u64,
@@ -58,12 +59,12 @@ pub struct Sizes {
     pub log2_entries: u64,
     /// Nodes along an axis of the first level, about.
     pub base: u64,
-    /// Nodes along an axis more than the size, as entries are counted.
+    /// Additional nodes along an axis for counting entries.
     pub more: u32,
 }
 
 impl Sizes {
-    /// Refuses sizes that no model has.
+    /// Refuses unrealistic sizes.
     ///
     /// # Errors
     /// `Malformed`, at `place`.
@@ -83,8 +84,8 @@ impl Sizes {
         Ok(())
     }
 
-    /// The levels whose sizes grow by a ratio, of which the binary logarithm is given. Both programs
-    /// compute scales in float32; each function is rounded once, as theirs are.
+    /// Levels whose sizes grow by a ratio, given as its binary logarithm. Both programs compute
+    /// scales in float32; as there, each function rounds once.
     ///
     /// # Errors
     /// `Malformed` for levels of 2^20 nodes along an axis or more.
@@ -107,8 +108,8 @@ impl Sizes {
         Ok(self.of(levels, HALF))
     }
 
-    /// The levels of nerfstudio's own tables, which are all hashed, from the first size to a finest
-    /// one. The power is that of PyTorch for a whole exponent, in float32.
+    /// The levels of nerfstudio's own tables, which are all hashed, from the first to the finest
+    /// size. The power is PyTorch's for an integer exponent, in float32.
     ///
     /// ```text
     /// size = floor(base b^l),  b = (finest / base)^(1 / (levels - 1))
@@ -156,7 +157,7 @@ fn checked_size(size: f32, place: &Place) -> Result<u32> {
 }
 
 impl Level {
-    /// Factors of a node's coordinates, whose products are joined to its entry.
+    /// Factors of a node's coordinates; combining the products gives its entry.
     #[inline(always)]
     pub(super) fn factors(&self) -> [u32; 3] {
         if self.hashed { PRIMES } else { [1, self.size, self.size.wrapping_mul(self.size)] }

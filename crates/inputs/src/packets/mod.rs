@@ -1,9 +1,9 @@
 //! Hash grids and small networks, evaluated at many positions at once.
 //!
-//! Values lie position by position within each feature and each neuron, [`LANES`] of them, so that
-//! plain loops over them become vector instructions. Sums have one order, and no product is fused
-//! with a sum, so results are the same on every machine. Bakes take float32; pictures of an unbaked
-//! model, and its values at points, take float64.
+//! Each feature and neuron has [`LANES`] adjacent values, one per position, so that plain loops are
+//! vectorized. Sums have a fixed order, and products are not fused with sums, so results are the
+//! same on every machine. Bakes take float32; pictures of an unbaked model, and its values at
+//! points, take float64.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

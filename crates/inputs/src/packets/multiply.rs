@@ -2,12 +2,13 @@
 
 use super::real::{Lanes, Real};
 
-/// Neurons that are summed at once; layers are filled up to a multiple.
+/// Neurons that are summed at once; layers are padded to a multiple.
 pub(super) const TILE: usize = 4;
 
-/// Adds products of weights and inputs to sums, [`TILE`] of them at a time. `rows` are the weights' own inputs of each tile, of which `inputs` are the
-/// first ones. Terms are added in order, [`TILE`] inputs at a time: of one at a time, compilers make
-/// vectors over neurons, which takes thirty times as long.
+/// Adds products of weights and inputs to sums, [`TILE`] of them at a time. `rows` are the weights'
+/// own inputs of each tile, of which `inputs` are the first ones. Terms are added in order,
+/// [`TILE`] inputs at a time: with one at a time, compilers vectorize over neurons, which takes
+/// thirty times as long.
 #[inline(always)]
 pub(super) fn multiply<T: Real>(
     weights: &[T],
@@ -31,7 +32,7 @@ pub(super) fn multiply<T: Real>(
     }
 }
 
-/// Turns negative numbers, and those that are none, into 0.
+/// Replaces negative numbers and NaN by 0.
 #[inline(always)]
 pub(super) fn relu<T: Real>(values: &mut [Lanes<T>]) {
     for value in values.as_flattened_mut() {

@@ -47,19 +47,18 @@ impl HashNetwork {
     }
 }
 
-/// A network from a direction and what was found at a place: the first inputs are those of the
-/// place, or those of the direction.
+/// A network of place inputs and direction inputs, in either order.
 ///
-/// Sums of the first layer are those of the place and those of the direction, so each is computed
-/// once for all that it meets.
+/// The first layer's sums are split into a place part and a direction part, each of which is
+/// computed once and reused.
 #[derive(Debug)]
 pub struct ViewNetwork {
     network: Both,
-    /// Inputs before those of the place, and before those of the direction.
+    /// Offsets of the place inputs and of the direction inputs.
     firsts: [usize; 2],
 }
 
-/// Directions, as a network takes them.
+/// Directions as network inputs.
 #[derive(Debug, Clone)]
 pub struct Directions<T> {
     count: usize,
@@ -67,7 +66,7 @@ pub struct Directions<T> {
     packets: Vec<Vec<Lanes<T>>>,
 }
 
-/// What was found at the places of a packet, as a network of directions takes it.
+/// The place inputs of a packet, for a network of directions.
 #[derive(Debug, Clone, Default)]
 pub struct Places<T> {
     /// Sums of the first layer.
@@ -75,8 +74,8 @@ pub struct Places<T> {
 }
 
 impl ViewNetwork {
-    /// Of layers of which the first takes the place's inputs from one column on, and the direction's
-    /// from another.
+    /// From layers of which the first takes place inputs and direction inputs from the given
+    /// columns on.
     pub fn new(layers: &[Layer], firsts: [usize; 2]) -> Self {
         Self { network: Both::new(layers), firsts }
     }
@@ -111,8 +110,8 @@ impl ViewNetwork {
         network.add(first, inputs, &mut places.sums);
     }
 
-    /// Outputs at a place along all directions, packet by packet. `found` sees how many of the lanes
-    /// count.
+    /// Outputs at a place along all directions, packet by packet. `found` gets the number of used
+    /// lanes.
     pub fn along<T: Number>(
         &self,
         directions: &Directions<T>,

@@ -4,7 +4,7 @@ use super::kernels::Kernels;
 use super::multiply::TILE;
 use super::real::{LANES, Lanes};
 
-/// A layer, as files have it.
+/// A layer in file order.
 #[derive(Debug, Clone)]
 pub struct Layer {
     /// Inputs of each neuron.
@@ -22,7 +22,7 @@ impl Layer {
         Self { inputs, weights, biases }
     }
 
-    /// The layer without the inputs from `first` on, which have these values wherever it is asked.
+    /// The layer without the inputs from `first` on, which always have these values.
     #[must_use]
     pub fn with_constants(mut self, first: usize, constants: &[f64]) -> Self {
         let mut weights = Vec::with_capacity(self.biases.len() * first);
@@ -37,7 +37,7 @@ impl Layer {
     }
 }
 
-/// A width of numbers that networks are held in.
+/// A float type of networks.
 pub trait Number: Kernels {
     /// The network of these numbers.
     fn of_both(both: &Both) -> &Perceptron<Self>;
@@ -68,7 +68,7 @@ impl Both {
         Self { narrow: Perceptron::new(layers), wide: Perceptron::new(layers) }
     }
 
-    /// The one of a width.
+    /// The network of a float type.
     pub fn of<T: Number>(&self) -> &Perceptron<T> {
         T::of_both(self)
     }
@@ -80,7 +80,7 @@ pub struct Perceptron<T> {
     layers: Vec<Tiles<T>>,
 }
 
-/// A layer whose weights lie in the order in which they are used.
+/// A layer with weights in the order of their use.
 #[derive(Debug)]
 struct Tiles<T> {
     inputs: usize,
@@ -109,7 +109,7 @@ impl<T: Kernels> Tiles<T> {
         Self { inputs, outputs, weights, biases }
     }
 
-    /// The sums of inputs from `first` on are added to those that are there.
+    /// Adds the sums of inputs from `first` on.
     fn add(&self, first: usize, inputs: &[Lanes<T>], sums: &mut [Lanes<T>]) {
         let weights = self.weights.get(first * TILE..).unwrap_or_default();
         T::multiply(weights, self.inputs, inputs, sums);
@@ -134,14 +134,14 @@ impl<T: Kernels> Perceptron<T> {
         }
     }
 
-    /// Adds inputs, of which the first one has a number, to the first layer's sums.
+    /// Adds inputs, starting at a number, to the first layer's sums.
     pub fn add(&self, first: usize, inputs: &[Lanes<T>], sums: &mut [Lanes<T>]) {
         if let Some(layer) = self.layers.first() {
             layer.add(first, inputs, sums);
         }
     }
 
-    /// Turns the first layer's sums into the network's outputs. `scratch` may hold anything.
+    /// Turns the first layer's sums into the network's outputs. `scratch` may have any content.
     pub fn finish(&self, sums: &mut Vec<Lanes<T>>, scratch: &mut Vec<Lanes<T>>) {
         for layer in self.layers.iter().skip(1) {
             T::relu(sums);

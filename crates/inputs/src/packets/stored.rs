@@ -19,7 +19,7 @@ pub struct Matrix {
     pub inputs: usize,
 }
 
-/// Numbers that follow each other in a file.
+/// Consecutive numbers in a file.
 #[derive(Debug, Clone)]
 pub struct Values {
     /// Of numbers, or of their bytes.
@@ -56,7 +56,7 @@ impl Values {
     /// All numbers, which must be finite.
     ///
     /// # Errors
-    /// Those of reading, and `Malformed` for other numbers.
+    /// Errors of reading, and `Malformed` for other numbers.
     pub fn read(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let place = self.tensor.place();
         let count = usize::try_from(self.count).unwrap_or(usize::MAX);
@@ -83,7 +83,7 @@ impl Values {
     /// Shows the bytes of the numbers.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn digest(&self, budget: &mut Budget, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut bytes = vec![0; PIECE];
         let storage = self.tensor.storage(budget)?;

@@ -1,30 +1,30 @@
-//! The functions that a leaf's colours are sums of.
+//! The basis functions of a leaf's colours.
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::harmonics::{FUNCTIONS, basis_f64};
 
 /// Directions of the least squares.
 const DIRECTIONS: usize = 20_000;
-/// The angle between one direction of a spiral and the next, which never repeats.
+/// The angle between consecutive directions of a spiral, which never repeats.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// The meaning of a leaf's colours.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Basis {
-    /// Three numbers; `logits` says that the logistic function makes colours of them.
+    /// Three numbers; with `logits`, colours are their sigmoids.
     Colors {
-        /// True where colours are logits.
+        /// True if colours are logits.
         logits: bool,
     },
-    /// So many harmonics.
+    /// This many harmonics.
     Harmonics(usize),
     /// Spherical Gaussians: sharpness, and axis.
     Gaussians(Vec<(f64, [f64; 3])>),
 }
 
 impl Basis {
-    /// Reads a format's name. `channels` are those of a leaf, density included; a draw list holds
-    /// colours that are no logits.
+    /// Reads a format's name. `channels` is the number per leaf, including density; colours of a
+    /// draw list are not logits.
     pub(super) fn parse(
         name: Option<&str>,
         channels: usize,
@@ -89,8 +89,8 @@ impl Basis {
         }
     }
 
-    /// For each of the field's harmonics, the weights of a leaf's functions: those of the harmonics
-    /// that are nearest to a sum of these, over the sphere. None for plain colours.
+    /// For each of the field's harmonics, the weights of a leaf's functions, by least squares over
+    /// the sphere. None for plain colours.
     pub(super) fn harmonics(&self) -> Option<Vec<Vec<f32>>> {
         let unit = |function: usize, count: usize| {
             (0..count).map(|own| if own == function { 1.0 } else { 0.0 }).collect()

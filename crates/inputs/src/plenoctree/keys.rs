@@ -10,7 +10,7 @@ use crate::base::limits::Limits;
 use crate::sparse::RowArray;
 use crate::tensor::{Tensor, TensorFile, Value};
 
-/// The root of a tree's keys in a draw list is a name and this.
+/// Separator between a draw list's name and the tree's keys.
 const SEPARATOR: &str = "__";
 
 /// The arrays of a file.
@@ -23,7 +23,7 @@ pub(super) struct Arrays {
     /// Half the box's edges and its middle, in world units.
     pub(super) radius: [f64; 3],
     pub(super) center: [f64; 3],
-    /// World units for a unit of the tree's own world, in which densities count.
+    /// World units per unit of the tree's own world, which densities refer to.
     pub(super) unit: f64,
 }
 

@@ -10,19 +10,19 @@
 //! | `data_format` | | `SH9` and so on, `SG25` and so on, `RGBA` |
 //! | `extra_data` | `[B, 4]` | sharpness and axis of each spherical Gaussian |
 //!
-//! **Its own rules** are those of svox: a leaf is one value, without interpolation; each leaf that a
-//! ray crosses adds the optical depth of its chord and of [`MORE_LENGTH`], and the logistic function
-//! of its sum of functions. Nothing ends a ray early. svox's own cameras have no half pixel; this
-//! program's rays go through the middle of pixels.
+//! **Its own rules** are those of svox: a leaf is one value, without interpolation; each leaf that
+//! a ray crosses adds the optical depth of its chord and of [`MORE_LENGTH`], and the logistic
+//! function of its sum of functions. Rays never end early. svox's own cameras have no half pixel;
+//! this program's rays go through the middle of pixels.
 //!
 //! **The field.** Every leaf is resampled at the middle of the deepest level's cells, and the field
-//! is linear between these, so surfaces are blurred by up to a cell: a bake states how much that
-//! costs. Coefficients are logits, clamped by a sigmoid at each sample. Leaves of density 0 have no
-//! colour; next to others they take the mean of their neighbours' coefficients once, for otherwise
-//! edges would fade to grey. Spherical Gaussians become harmonics of degree 3, by least squares over
-//! the sphere; harmonics of degree 4 lose their last band.
+//! is linear between these, so surfaces are blurred by up to a cell; a bake states the loss.
+//! Coefficients are logits, clamped by a sigmoid at each sample. Leaves of density 0 have no
+//! colour; next to others, they take the mean of their neighbours' coefficients, because edges
+//! would otherwise fade to grey. Spherical Gaussians become harmonics of degree 3, by least squares
+//! over the sphere; harmonics of degree 4 lose their last band.
 //!
-//! Asymmetric Gaussians (`ASG`) and trees of more than 8 children a node are refused.
+//! Asymmetric Gaussians (`ASG`) and trees with more than 8 children per node are refused.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

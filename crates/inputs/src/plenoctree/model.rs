@@ -14,14 +14,14 @@ use crate::model::ray_march::{
 };
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
-/// Added to the chord of each leaf, in units of the tree's box: svox's `step_size`, as volrend has
-/// it.
+/// Added to the chord of each leaf, in units of the tree's box: svox's `step_size`, with volrend's
+/// value.
 pub const MORE_LENGTH: f64 = 1e-4;
 /// The box of a tree, and of a leaf.
 const CUBE: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
 /// Added to directions, so that none is 0.
 const NEARLY_ZERO: f64 = 1e-9;
-/// Optical depth from which a ray ends: no 8-bit picture shows what is behind.
+/// Optical depth at which a ray ends: anything behind is invisible in 8 bits.
 const OPAQUE_DEPTH: f64 = 20.0;
 
 /// A file, ready to be loaded.
@@ -44,7 +44,7 @@ impl LoadModel for TreeFile {
             let before = values.len();
             for row in piece.chunks_exact(arrays.rows.width()) {
                 let density = row.last().copied().unwrap_or(0.0);
-                // Cells with children hold what is left of former leaves.
+                // Cells with children hold values of former leaves.
                 if (density > 0.0 || density.is_nan()) && arrays.tree.is_leaf(cell) {
                     values.extend_from_slice(row);
                     if let Some(place) = places.get_mut(cell) {
@@ -72,14 +72,14 @@ impl LoadModel for TreeFile {
 #[derive(Debug)]
 struct PlenOctree {
     arrays: Arc<Arrays>,
-    /// For each cell, one more than the number of its row in `values`; 0 where it shows nothing.
+    /// For each cell, its row in `values` plus one; 0 if it is empty.
     places: Vec<u32>,
     values: Vec<f32>,
     functions: usize,
 }
 
 impl PlenOctree {
-    /// The values of a leaf, colours, then density; none where there is no density.
+    /// The values of a leaf, colours, then density; none without density.
     fn leaf(&self, cell: usize) -> &[f32] {
         let width = self.arrays.rows.width();
         let row = self.places.get(cell).and_then(|place| place.checked_sub(1));
@@ -127,7 +127,7 @@ impl TrainedModel for PlenOctree {
         let far = rules.farthest() / length;
         let mut t = enter.max(near).min(far).max(0.0);
         let mut light = DepthComposite::default();
-        // Steps are as long as leaves, and never none: there is always a next number.
+        // Steps are as long as leaves and never 0, so a ray always advances.
         let mut samples = SampleBudget::new(t, f64::INFINITY, progress);
         while t < end && light.depth < OPAQUE_DEPTH && samples.take() {
             let at = point_at(origin, direction, t);
@@ -140,7 +140,7 @@ impl TrainedModel for PlenOctree {
                 let seen = self.color(values, &functions);
                 light.add(chord * length * density / self.arrays.unit, t * length, seen);
             }
-            // A chord is never shorter than what is added to it.
+            // A chord is never shorter than the length that is added to it.
             t = (t + chord.max(MORE_LENGTH)).max(t.next_up());
         }
         light.over_background(rules)

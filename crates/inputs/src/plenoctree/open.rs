@@ -25,8 +25,8 @@ const STEPSIZE: f32 = 0.5;
 /// Opens a tree. Leaves stay in the file.
 ///
 /// # Errors
-/// `Unsupported` for other functions and nodes of more than eight cells, `Malformed` for arrays that
-/// do not fit and children that are no nodes.
+/// `Unsupported` for other functions and nodes of more than eight cells, `Malformed` for
+/// inconsistent arrays and invalid children.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let arrays = Arc::new(Arrays::find(file, limits)?);
     let mut assumptions = Vec::new();
@@ -139,7 +139,7 @@ fn colors(
 struct Leaves {
     tree: Arc<Tree>,
     rows: Arc<RowArray>,
-    /// For each cell true if it is a leaf of some density, once that was asked for.
+    /// For each cell, true if it is a leaf with density; computed on first use.
     full: Mutex<Option<Arc<[bool]>>>,
 }
 
@@ -157,7 +157,7 @@ impl Leaves {
         }
         let mut full = Vec::with_capacity(self.tree.cells());
         self.rows.column(self.rows.width() - 1, |densities| {
-            // A density that is no number is found where it is read.
+            // NaN densities are reported when they are read.
             full.extend(densities.iter().map(|&density| density > 0.0 || density.is_nan()));
         })?;
         let full: Arc<[bool]> = full.into();

@@ -1,4 +1,4 @@
-//! Leaves whose colours are numbers of entries of code books.
+//! Leaves with colours as codebook indices.
 
 use crate::base::bytes::{SourceFile, Storage};
 use crate::base::error::{Error, Result};
@@ -12,8 +12,8 @@ const IN_MEMORY: u64 = 64 << 20;
 /// Cells that are decoded at once.
 const PIECE: usize = 1 << 14;
 
-/// A compressed tree. Its rows are made as a plain one has them, in float16: all functions of red,
-/// of green, of blue, then density.
+/// A compressed tree. Its rows are decoded to the plain layout in float16: all functions of red, of
+/// green, of blue, then density.
 #[derive(Debug)]
 pub(super) struct Quantized {
     /// `[n, 2, 2, 2]`.
@@ -31,7 +31,7 @@ pub(super) struct Quantized {
 }
 
 impl Quantized {
-    /// Of a tree of so many cells.
+    /// Of a tree of this many cells.
     ///
     /// # Errors
     /// `Malformed` for arrays that do not fit it.
@@ -120,7 +120,7 @@ impl MakeBytes for Quantized {
                 for ((row, entry), density) in
                     piece.chunks_exact_mut(width).zip(entries).zip(cells())
                 {
-                    // The entry of an empty leaf means nothing.
+                    // The entry of an empty leaf is unspecified.
                     if *density <= 0.0 {
                         continue;
                     }
@@ -149,7 +149,7 @@ fn piece_rows(first: usize, count: usize, sigma: &[f32]) -> std::slice::Iter<'_,
     sigma.get(first..first + count).unwrap_or_default().iter()
 }
 
-/// Functions that are kept as they are.
+/// Functions without a codebook.
 struct RetainedBytes {
     storage: Storage,
     element: Element,
@@ -186,7 +186,7 @@ impl RetainedBytes {
     }
 }
 
-/// Rows in memory or, where they are many, in a file.
+/// Rows in memory or, if there are many, in a file.
 enum Rows {
     Memory(Vec<u8>),
     File { file: std::fs::File, length: u64 },

@@ -1,17 +1,17 @@
-//! The nodes of a tree: each leaf is found from above, and no node twice.
+//! The nodes of a tree. Each node is reached from the root exactly once.
 
 use crate::base::error::{Error, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::model::grid::Element;
 use crate::tensor::Tensor;
 
-/// Levels of a tree, at most: 2^16 cells a side.
+/// Levels of a tree, at most: 2^16 cells per side.
 const MAX_LEVELS: usize = 16;
 
 /// A tree whose nodes have eight cells each, numbered `8 node + 4 i + 2 j + k`.
 #[derive(Debug)]
 pub(super) struct Tree {
-    /// For each cell the number of its child, or 0 for a leaf.
+    /// For each cell, the number of its child, or 0 for a leaf.
     children: Vec<u32>,
     /// Cells along a side of the deepest level are 2 to the power of this.
     levels: usize,
@@ -31,8 +31,8 @@ impl Tree {
     /// Reads and checks the children of all nodes.
     ///
     /// # Errors
-    /// `Unsupported` for nodes of more than eight cells, `Malformed` for children that are no nodes,
-    /// or nodes that are the child of two cells, `OverLimit` for trees that are too deep.
+    /// `Unsupported` for nodes of more than eight cells, `Malformed` for invalid children and nodes
+    /// with two parents, `OverLimit` for trees that are too deep.
     pub(super) fn load(tensor: &Tensor, limits: &Limits) -> Result<Self> {
         let place = tensor.place();
         let &[nodes, a, b, c] = tensor.shape() else {
@@ -85,7 +85,7 @@ impl Tree {
         self.children.len()
     }
 
-    /// The leaf at a position of the tree, 0 to 1 along each axis; others are brought inside.
+    /// The leaf at a position of the tree, clamped to 0 to 1 along each axis.
     pub(super) fn leaf(&self, position: [f64; 3]) -> Leaf {
         let mut at = position.map(|value| value.clamp(0.0, 1.0 - 1e-10));
         let (mut node, mut size) = (0usize, 0.5);
@@ -106,7 +106,8 @@ impl Tree {
         }
     }
 
-    /// The leaves of a plane of the deepest level's cells, as squares: cell, first y and z, and side.
+    /// The leaves of a plane of the deepest level's cells, as squares: cell, first y and z, and
+    /// side.
     pub(super) fn plane(&self, x: usize, mut visit: impl FnMut(usize, [usize; 2], usize)) {
         let mut waiting = vec![(0usize, [0usize; 3], self.side())];
         while let Some((node, [x0, y0, z0], size)) = waiting.pop() {
@@ -134,7 +135,7 @@ impl Tree {
     }
 }
 
-/// Levels from the root down, where no node is met twice; else the fault.
+/// Levels from the root down; an error if a node is reached twice.
 fn levels(children: &[u32], nodes: usize) -> std::result::Result<usize, String> {
     let mut met = vec![false; nodes];
     let (mut level, mut levels) = (vec![0u32], 0);

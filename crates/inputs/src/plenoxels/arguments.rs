@@ -11,7 +11,7 @@ use crate::base::limits::Limits;
 use crate::base::text::{quoted_numbers, without_mark};
 use crate::options::SourceOptions;
 
-/// The settings that a picture depends on. Those that are missing have svox2's defaults.
+/// The rendering settings. Missing ones have svox2's defaults.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default)]
 pub(super) struct RunArguments {
@@ -24,7 +24,7 @@ pub(super) struct RunArguments {
     pub(super) use_spheric_clip: bool,
     pub(super) renderer_backend: String,
     pub(super) dataset_type: String,
-    /// Factor of the cameras' positions; null where the data set's own counts.
+    /// Factor on the cameras' positions; null if the data set's own factor applies.
     pub(super) scene_scale: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ fn parse(bytes: &[u8]) -> Result<RunArguments> {
         let place = Place::Key(format!("line {}", error.line()));
         Error::malformed(place, error.to_string(), "the settings of a svox2 training run")
     };
-    // A list would be taken for settings without names.
+    // A list would parse as settings without names.
     let text = String::from_utf8_lossy(without_mark(bytes));
     let settings: serde_json::Map<String, serde_json::Value> =
         serde_json::from_str(&quoted_numbers(&text)).map_err(malformed)?;
@@ -82,7 +82,7 @@ fn parse(bytes: &[u8]) -> Result<RunArguments> {
 }
 
 impl RunArguments {
-    /// Refuses settings out of range, and pictures that no straight rays through cells make.
+    /// Refuses settings out of range, and renderers other than straight rays through cells.
     fn check(&self) -> Result<()> {
         let key = |name: &str| Place::Key(name.to_owned());
         let require = |name: &str, value: f64, holds: bool, expected: &str| match holds {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::base::error::{Error, Place, Result};
 use crate::sparse::{CellBox, Index, RowArray};
 
-/// Coefficients of a colour that harmonics of degree 0 to 3 have.
+/// Numbers of coefficients of harmonics of degree 0 to 3.
 const FUNCTIONS: [usize; 4] = [1, 4, 9, 16];
 /// The arrays of a model.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ pub(super) struct Arrays {
 }
 
 impl Arrays {
-    /// Refuses rows of colour that do not fit those of density, or are no harmonics.
+    /// Refuses rows of colour that do not match those of density or are not harmonics.
     pub(super) fn checked(self, place: &Place) -> Result<Self> {
         if self.density.rows() != self.color.rows() {
             let found = format!("{} rows", self.color.rows());

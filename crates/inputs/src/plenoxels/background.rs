@@ -1,4 +1,4 @@
-//! What a ray sees of the background spheres, by the rules of svox2's renderer `cuvol`.
+//! The light of the background spheres along a ray, by the rules of svox2's renderer `cuvol`.
 //!
 //! ```text
 //! r_i    = n / (n - i - 1/2),  n = floor(L / step_size) + 2    for r_i above the ray's least radius
@@ -7,21 +7,23 @@
 //! colour = max(0, c / (2 sqrt(pi)) + 1/2)
 //! ```
 //!
-//! Distances of samples count as inverse radii: a layer stops the same light wherever it lies. svox2
-//! trains and renders so. Its version for a CPU, which checks gradients, counts lengths along the ray
-//! and shows other pictures of the same file.
+//! Distances of samples are measured in inverse radii, so a layer absorbs the same light at any
+//! radius. svox2 trains and renders this way. Its CPU version, which checks gradients, measures
+//! lengths along the ray and renders the same file differently.
 //!
-//! Spheres are met from within. A camera outside the first one sees only their far halves, as in svox2.
+//! Spheres are met from within. A camera outside the first one sees only their far halves, as in
+//! svox2.
 
 use super::spheres::{SphereSpace, Spheres, dot, sphere_count};
 use crate::base::progress::Progress;
 use crate::model::camera::Ray;
 use crate::model::ray_march::{DepthComposite, SampleBudget, point_at, unit_direction};
 
-/// A ray passes no sphere at its own least radius: it starts this much farther out.
+/// A ray crosses no sphere at its least radius, so it starts this much farther out.
 const BESIDE: f64 = 1e-3;
 
-/// Adds what a ray sees of the spheres behind the light so far, up to a transmittance of `opaque`.
+/// Adds the light of the spheres behind the samples so far, until the transmittance falls to
+/// `opaque`.
 pub(super) fn add_spheres(
     light: &mut DepthComposite,
     ray: &Ray,

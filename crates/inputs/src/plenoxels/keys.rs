@@ -13,7 +13,7 @@ use crate::tensor::{Tensor, TensorFile, Value};
 
 /// The number that svox2 gives to harmonics among its bases.
 const HARMONICS: i64 = 1;
-/// Cells of a scene in normalised device coordinates: more than this along x, so many along z.
+/// Cells of a scene in normalised device coordinates: more than this along x, this many along z.
 const DEVICE_X: u64 = 1000;
 const DEVICE_Z: u64 = 128;
 
@@ -23,12 +23,12 @@ pub fn knows(file: &TensorFile) -> bool {
     lightning::knows(file) || has("links") && (has("sh_data") || has("density_data") || has("data"))
 }
 
-/// True for files that do not state their cells, which an option may.
+/// True for files that do not state their cells; an option can.
 pub fn takes_resolution(file: &TensorFile) -> bool {
     lightning::knows(file)
 }
 
-/// Finds the arrays; nothing of svox2's own is read.
+/// Finds the arrays, without reading svox2's own.
 pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Arrays> {
     let root = &file.root;
     refuse_basis(root)?;
@@ -71,7 +71,7 @@ pub(super) fn find(file: &TensorFile, options: &SourceOptions, limits: &Limits) 
     arrays.checked(&Place::Tensor(name.to_owned()))
 }
 
-/// The spheres behind the box, if there are any.
+/// The spheres behind the box, if any.
 ///
 /// # Errors
 /// Those of [`SphereFile::new`], and `Malformed` for values without links.
@@ -109,7 +109,7 @@ fn rows(tensor: &Tensor, limits: &Limits) -> Result<RowArray> {
     RowArray::new(tensor, usize::try_from(width).unwrap_or(0), limits)
 }
 
-/// Refuses colours that are no harmonics.
+/// Refuses colours that are not harmonics.
 fn refuse_basis(root: &Value) -> Result<()> {
     let Some(basis) = root.get("basis_type") else { return Ok(()) };
     let found = match basis.integer("basis_type")? {

@@ -8,8 +8,8 @@
 //! | `state_dict.model.background_links`, `.background_data` | spheres behind the box, likewise |
 //! | `model.sh_data_min`, `model.sh_data_scale` | and the same of other arrays where they are uint8 |
 //!
-//! No file states the cells along an axis, which are the same for all axes. Without an option they
-//! are the least power of 2 that holds all cells, and that is said.
+//! No file states the cells along an axis, which are the same for all axes. Without an option, the
+//! least power of 2 that holds all cells is assumed and reported.
 
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ fn rows(file: &TensorFile, data: &Tensor, width: usize, limits: &Limits) -> Resu
     RowArray::quantized(data, scales.collect(), limits)
 }
 
-/// The spheres behind the box, if there are any.
+/// The spheres behind the box, if any.
 pub(super) fn spheres(file: &TensorFile, limits: &Limits) -> Result<Option<Arc<SphereFile>>> {
     let Some(data) = value(file, "model.background_data").and_then(Value::tensor) else {
         return Ok(None);

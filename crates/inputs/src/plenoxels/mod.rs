@@ -22,12 +22,12 @@
 //! a step depends on the ray's direction. The field states the voxel's three edges
 //! ([`March::voxel`](crate::model::field::March::voxel)), and a container has them too.
 //!
-//! **Spheres behind the box** make a whole scene: [nested boxes](crate::nested), of which the first one
-//! is the box of the model with its own values. See `world`.
+//! **Spheres behind the box** make a whole scene: [nested boxes](crate::nested), of which the first
+//! one is the box of the model with its own values. See `world`.
 //!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of the
 //! renderer `cuvol`: samples from the face of the outermost cells on, colours cut at 0 at each
-//! sample, no upper limit, an end at a transmittance of `stop_thresh`.
+//! sample, no upper limit, and rays end at a transmittance of `stop_thresh`.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

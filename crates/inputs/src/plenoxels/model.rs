@@ -118,7 +118,7 @@ impl Plenoxels {
         if sigma > self.run.sigma_thresh { sigma } else { 0.0 }
     }
 
-    /// What the spheres show at a position, seen from their middle.
+    /// The spheres at a position, seen from their middle.
     fn behind(&self, position: [f64; 3]) -> SpherePoint {
         let Some((spheres, space)) = &self.spheres else { return SpherePoint::default() };
         spheres.seen_at(space, position, &Viewers::default(), self.run.step_size).1

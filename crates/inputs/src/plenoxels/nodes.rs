@@ -35,8 +35,8 @@ impl OwnBox {
         Grid::Values(Arc::new(Self { world, lattice, border, density, color, planes }))
     }
 
-    /// From this radius on, nodes count with the background, in half edges: cells that the unit sphere
-    /// crosses have their corners there.
+    /// Radius in half edges from which nodes include the background: the corners of cells that the
+    /// unit sphere crosses.
     fn rim(&self) -> f64 {
         let Nodes(counts) = self.world.arrays.cells.cells;
         let cells = counts.into_iter().map(|count| 2.0 / count as f64);
@@ -80,7 +80,7 @@ impl OwnBox {
                 out.for_each(|out| *out = sum as f32);
                 return;
             }
-            // A row that is empty itself still counts in the cells around its node.
+            // An empty row still affects the cells around its node.
             let share = if sum > 0.0 { own / sum } else { f64::from(u8::from(raw != 0.0)) };
             self.world.put(behind.coefficients, &mut channels);
             #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
@@ -139,7 +139,7 @@ struct SampledColors {
 }
 
 impl SampledColors {
-    /// Means by the light that points of a node's cell stop.
+    /// Means weighted by the light that points of a node's cell absorb.
     fn at_node(&self, whole: &Whole, node: [usize; 3], means: &mut [f64], own: &mut [f64]) {
         let points = points(&*self.world, &self.lattice, node, false);
         let spacing = self.lattice.nodes.spacing(&self.lattice.bounds);
@@ -155,7 +155,7 @@ impl SampledColors {
         if all > 0.0 {
             means.iter_mut().for_each(|mean| *mean /= all);
         } else {
-            // Nothing is there, but the colour counts between this node and the next one.
+            // The node is empty, but its colour counts between it and its neighbours.
             self.world.shown(whole, self.lattice.position(node), means);
         }
     }

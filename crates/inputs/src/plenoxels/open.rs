@@ -27,7 +27,7 @@ const OFFSET: f32 = 0.5;
 ///
 /// # Errors
 /// `Unsupported` for other bases, scenes in normalised device coordinates and renderers that do not
-/// interpolate; `Malformed` where arrays are missing or do not fit.
+/// interpolate; `Malformed` if arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let arrays = find(file, options, limits)?;
     let beside = ArgumentsFile::beside(file.file.path(), limits)?;
@@ -96,7 +96,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             Some(ViewDependence::Harmonics(harmonics)),
         ),
     };
-    // The digest of an archive has the checksums of all values.
+    // The digest of an archive includes the checksums of all values.
     let unchecked = match file.has_checksums {
         true => Vec::new(),
         false => vec![Arc::clone(&arrays.density), Arc::clone(&arrays.color)],
@@ -157,7 +157,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
-/// What is made of a run whose scale its data set chose.
+/// The treatment of a run with the scale of its data set.
 fn data_set_scale(kind: &str) -> Assumption {
     Assumption {
         key: "scene_scale",

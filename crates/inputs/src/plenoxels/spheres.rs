@@ -1,22 +1,23 @@
-//! The background spheres of a model: concentric pictures of everything beyond the unit sphere.
+//! The background spheres of a model: concentric layers for everything beyond the unit sphere.
 //!
 //! | key | shape | meaning |
 //! |---|---|---|
 //! | `background_links` | i32 `[2 R, R]` | the row of each direction; any negative number is an empty one |
 //! | `background_data` | `[n, L, 4]` | by layer: red, green, blue as coefficients of band 0, then density |
 //!
-//! Positions count in half edges of the box from its middle, so the first sphere is that of radius 1
-//! within the box. The radius `r` of a position is its coordinate along the layers, and its direction
-//! `d` the two others:
+//! Positions are in half edges of the box from its middle, so the first sphere, of radius 1, lies
+//! within the box. The radius `r` of a position is its coordinate along the layers, and its
+//! direction `d` the two others:
 //!
 //! ```text
 //! layer = (1 - 1/r) L - 1/2
 //! u = 2 R (1/2 + atan2(d_x, d_z) / 2 pi)      v = R (1/2 - asin(d_y) / pi)
 //! ```
 //!
-//! Values are linear between rows and layers. Both directions wrap around, as in svox2; poles do, too.
+//! Values are linear between rows and layers. Both directions wrap around, as in svox2; poles do,
+//! too.
 //!
-//! **Density.** A layer stops the same light wherever it lies, so its optical depth per world unit
+//! **Density.** A layer absorbs the same light at any radius, so its optical depth per world unit
 //! falls with the square of the radius, and depends on the angle at which a ray leaves the sphere.
 
 use std::sync::Arc;
@@ -50,7 +51,7 @@ pub(super) struct SphereFile {
 }
 
 impl SphereFile {
-    /// The spheres of two arrays. `row` makes rows of the second one, each so many numbers.
+    /// The spheres of two arrays. `row` makes rows of the second one, each this many numbers.
     ///
     /// # Errors
     /// `Malformed` for other shapes.
@@ -102,7 +103,7 @@ impl SphereFile {
     /// Feeds a digest with samples of the values.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub(super) fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         self.data.sample(hash)
     }
@@ -110,8 +111,8 @@ impl SphereFile {
     /// All values.
     ///
     /// # Errors
-    /// Those of reading, links to no row, values that are not finite, and more memory than the limits
-    /// allow.
+    /// Errors of reading, links to no row, values that are not finite, and more memory than the
+    /// limits allow.
     pub(super) fn load(&self) -> Result<Arc<Spheres>> {
         self.loaded.get(|| {
             let mut budget = Budget::new(&self.limits);
@@ -153,7 +154,7 @@ pub(super) struct Spheres {
     layers: usize,
 }
 
-/// What a position beyond the unit sphere shows.
+/// The value at a position beyond the unit sphere.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SpherePoint {
     /// Coefficients of band 0.
@@ -214,8 +215,8 @@ impl Spheres {
 }
 
 impl Spheres {
-    /// Radius of a world position, in half edges of the box, and what the spheres show there; the
-    /// density is that per world unit, as `viewers` see it.
+    /// Radius of a world position, in half edges of the box, and the spheres' value there; density
+    /// is per world unit, as seen by `viewers`.
     pub(super) fn seen_at(
         &self,
         space: &SphereSpace,
@@ -238,8 +239,8 @@ impl Spheres {
     }
 }
 
-/// Where cameras are, as far as densities depend on it: mean products of their coordinates, in half
-/// edges from the middle.
+/// Second moments of camera positions, which densities depend on: mean products of coordinates, in
+/// half edges from the middle.
 ///
 /// ```text
 /// density = sigma cos / r^2,  cos = 1 / sqrt(1 + p / r^2)
@@ -260,7 +261,7 @@ impl Viewers {
         Self(products)
     }
 
-    /// The cosine between a radius and rays that pass its end.
+    /// The cosine between a radius and rays through its end.
     fn cosine(&self, direction: [f64; 3], radius: f64) -> f64 {
         let [x, y, z] = self.0;
         let along = dot(direction, [x, y, z].map(|row| dot(row, direction)));
@@ -275,7 +276,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.into_iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The place of the spheres in the world: an ellipsoid where the box is no cube.
+/// The place of the spheres in the world: an ellipsoid if the box is not a cube.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SphereSpace {
     /// Middle of the box, in world units.

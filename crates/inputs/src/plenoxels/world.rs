@@ -1,8 +1,8 @@
-//! A model with background spheres at the nodes of boxes around each other.
+//! A model with background spheres at the nodes of nested boxes.
 //!
-//! **The own box.** Its nodes are the centres of cells, with the model's own values. Beyond the unit
-//! sphere, in the corners, the background is added: densities add up, and coefficients are means by
-//! density. The nodes behind the faces hold the background alone.
+//! **The own box.** Its nodes are the centres of cells, with the model's own values. Beyond the
+//! unit sphere, in the corners, the background is added: densities add up, and coefficients are
+//! means by density. The nodes behind the faces hold only the background.
 //!
 //! **Boxes around it** hold the background, and with another resolution the own box is sampled like
 //! them: nodes are means over their cells ([`crate::nested`]).
@@ -21,13 +21,13 @@ use crate::sparse::{ColoredRows, LoadedRows};
 /// Red, green and blue.
 const COLORS: usize = 3;
 
-/// A model as boxes sample it.
+/// A model, for sampling by boxes.
 #[derive(Debug)]
 pub(super) struct WholeFile {
     pub(super) arrays: Arrays,
     pub(super) spheres: Arc<SphereFile>,
     pub(super) space: SphereSpace,
-    /// Where the spheres are seen from.
+    /// The viewpoints for the spheres.
     pub(super) viewers: Viewers,
     /// The step of a ray, in cells.
     pub(super) step_size: f64,
@@ -35,7 +35,7 @@ pub(super) struct WholeFile {
     pub(super) harmonics: Harmonics,
     /// True for colours instead of coefficients.
     pub(super) plain: bool,
-    /// True where the own box is sampled like the others.
+    /// True if the own box is sampled like the others.
     pub(super) resampled: bool,
     pub(super) limits: Limits,
     pub(super) loaded: Lazy<Whole>,
@@ -45,7 +45,7 @@ pub(super) struct WholeFile {
 #[derive(Debug)]
 pub(super) struct Whole {
     spheres: Arc<Spheres>,
-    /// Rows of the own box, where it is sampled.
+    /// Rows of the own box, if it is sampled.
     foreground: Option<ColoredRows>,
 }
 
@@ -67,12 +67,12 @@ impl WholeFile {
         COLORS * if self.plain { 1 } else { self.harmonics.functions() }
     }
 
-    /// Radius of a world position, in half edges, and what the spheres show there.
+    /// Radius of a world position, in half edges, and the spheres' value there.
     pub(super) fn background(&self, spheres: &Spheres, position: [f64; 3]) -> (f64, SpherePoint) {
         spheres.seen_at(&self.space, position, &self.viewers, self.step_size)
     }
 
-    /// Channels of colour at a position, and the optical depth per world unit that shows them.
+    /// Channels of colour at a position, and its optical depth per world unit.
     pub(super) fn shown(&self, whole: &Whole, position: [f64; 3], channels: &mut [f64]) -> f64 {
         let (_, behind) = self.background(&whole.spheres, position);
         self.put(behind.coefficients, channels);

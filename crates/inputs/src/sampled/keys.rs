@@ -29,7 +29,7 @@ pub fn knows(file: &TensorFile) -> bool {
     is_tensor("density") && (is_tensor("sh") || is_tensor("color"))
 }
 
-/// The numbers of a setting; of a text, those between commas.
+/// The numbers of a setting; in text, separated by commas.
 pub(super) fn numbers(file: &TensorFile, key: &str) -> Result<Option<Vec<f64>>> {
     let Some(value) = file.setting(key) else { return Ok(None) };
     let Value::Text(text) = value else { return value.numbers(key).map(Some) };
@@ -79,7 +79,7 @@ impl Arrays {
         Ok((first, around))
     }
 
-    /// Finds the arrays of a box; of blocks, their places are read.
+    /// Finds the arrays of a box; reads the places of blocks.
     fn find(file: &TensorFile, level: usize, limits: &Limits) -> Result<Self> {
         let key = |name: &str| key_of(level, name);
         let get = |name: &str| file.root.get(&key(name));
@@ -98,7 +98,7 @@ impl Arrays {
             let place = Place::Tensor(key("color"));
             return Err(Error::malformed(place, "color beside sh", "one of them"));
         }
-        // Boxes around the first one are dense, or have blocks as it has.
+        // Outer boxes are dense, or have blocks like the first one.
         let block = block_size(file)?.filter(|_| level == 0 || get("blocks").is_some());
         let (places, own): (_, &[u64]) = match (get("blocks"), block) {
             (Some(_), Some(_)) => (Some(places(tensor("blocks")?, limits)?), density.shape()),
@@ -140,7 +140,7 @@ impl Arrays {
                 return Err(Error::malformed(place, found, expected));
             }
         };
-        // Plain colours have no use for these settings, which must be right all the same.
+        // Plain colours ignore these settings, but they must be valid.
         let harmonics = harmonics(file, functions)?;
         let harmonics = (!plain).then_some(harmonics);
         let bounds = bounds(file, &key("aabb"))?;

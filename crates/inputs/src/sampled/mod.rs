@@ -1,4 +1,4 @@
-//! Sampled arrays: density and colour from anybody's own code.
+//! Sampled arrays: density and colour from the user's own code.
 //!
 //! | key | shape | meaning |
 //! |---|---|---|
@@ -14,16 +14,16 @@
 //! | `block_size` | | `b`, nodes along a block's edge |
 //! | `dimensions` | `[3]` | X, Y and Z of a file of blocks [as far as the blocks reach] |
 //!
-//! Boxes around the first one have the same arrays, with `level1.`, `level2.` and so on before their
-//! keys. A file that has some has the rules of a field.
+//! Outer boxes have the same arrays, with the prefixes `level1.`, `level2.` and so on. A file with
+//! outer boxes is rendered by the rules of a field.
 //!
 //! Block `(i, j, k)` holds nodes `i b` to `(i + 1) b - 1` along x, and so on. Nodes outside of all
-//! blocks have density 0 and coefficients 0. In a `.safetensors` file a number or a text may stand
-//! among the texts of `__metadata__` instead.
+//! blocks have density 0 and coefficients 0. In a `.safetensors` file, `__metadata__` may hold
+//! numbers and texts instead.
 //!
 //! **Its own rules** are a container's: samples from the face of the box on, `stepsize` node
-//! spacings apart, all of which add colour. Colours are clamped at each sample; a baked field clamps
-//! `zero` once a ray, which is the same where no visible sample is below 0.
+//! spacings apart, all of which add colour. Colours are clamped at each sample; a baked field
+//! clamps `zero` once per ray, which is equivalent if no visible sample is below 0.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

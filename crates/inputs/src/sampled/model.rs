@@ -10,7 +10,7 @@ use crate::model::ray_march::{DepthComposite, unit_direction};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 use crate::sparse::{ColoredRows, Lattice, LoadedRows};
 
-/// Optical depth from which a ray ends: no 8-bit picture shows what is behind.
+/// Optical depth at which a ray ends: anything behind is invisible in 8 bits.
 const OPAQUE_DEPTH: f64 = 20.0;
 
 /// A file, ready to be loaded.

@@ -17,7 +17,7 @@ use crate::source::{Assumption, Family, Source};
 use crate::sparse::{Channel, RowGrid};
 use crate::tensor::{TensorFile, Value};
 
-/// Plain colours go up to 1, and a little beyond where they were interpolated.
+/// Plain colours go up to 1, or slightly beyond after interpolation.
 const BRIGHTEST: f32 = 2.0;
 /// Step length in voxels of files that state none.
 const STEPSIZE: f32 = 0.5;
@@ -25,7 +25,7 @@ const STEPSIZE: f32 = 0.5;
 /// Opens a file of sampled arrays. Values stay in the file.
 ///
 /// # Errors
-/// `Malformed` where arrays are missing or do not fit.
+/// `Malformed` if arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let (mut arrays, mut around) = Arrays::find_all(file, limits)?;
     if options.drop_background {
@@ -45,7 +45,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
             (Channel::of_band_0(Channel::of_harmonics(0, stored, 1), rules), None)
         }
         (Some(rules), _) => {
-            // The sum of clamped samples is the clamped sum where none is clamped; a sigmoid is not.
+            // The sum of clamped samples equals the clamped sum if no sample is clamped; this does
+            // not hold for a sigmoid.
             let evaluation = match rules.clamp {
                 Clamp::Zero | Clamp::None => Evaluation::Ray,
                 Clamp::Sigmoid => Evaluation::Sample,
@@ -91,7 +92,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     };
     field.check()?;
     let step = field.scene.march.interval_length();
-    // Boxes around each other have no rules but those of a field.
+    // Nested boxes have no rules but those of a field.
     let model: Option<Arc<dyn LoadModel>> = match field.shells.is_empty() {
         true => Some(Arc::new(SampledFile { arrays, stored, step })),
         false => None,
@@ -112,7 +113,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
-/// What is made of plain colours that go far beyond white.
+/// The treatment of plain colours far beyond white.
 fn bright_colors(file: &TensorFile) -> Result<Option<Assumption>> {
     let Some(tensor) = file.root.get("color").and_then(Value::tensor) else { return Ok(None) };
     let colors = tensor.glance()?.into_iter().filter(|value| value.is_finite());

@@ -14,10 +14,10 @@ use crate::model::grid::Nodes;
 use crate::snerg::layout::{APRON, INDICES, PLANES, feature_name, rgba_name};
 use crate::source::SideFile;
 
-/// Logits of colours reach so far: 8 bits tell no more.
+/// Limit of colour logits: 8 bits resolve no more.
 const LARGEST_LOGIT: f64 = 7.0;
 
-/// The pictures of a folder. Values are multiplied by opacity, so nothing shows without one.
+/// The pictures of a folder. Values are premultiplied, so a texel of opacity 0 is empty.
 const FILES: AtlasFiles = AtlasFiles {
     indices: INDICES,
     names: |slice| [rgba_name(slice), feature_name(slice)],
@@ -36,7 +36,7 @@ pub(super) struct Assets {
 }
 
 impl Assets {
-    /// Looks at all pictures. Returns them with a digest of each.
+    /// Checks all pictures. Returns them with a digest of each.
     pub(super) fn find(
         folder: Folder,
         parameters: Parameters,
@@ -55,7 +55,7 @@ impl Assets {
         Ok((Self { parameters, folder, places, limits, loaded }, found))
     }
 
-    /// The atlas, read when it is first asked for.
+    /// The atlas, read on first use.
     pub(super) fn atlas(&self) -> Result<Arc<Atlas>> {
         let Self { folder, places, limits, .. } = self;
         self.loaded.get(|| places.load(folder, &mut Budget::new(limits), limits))
@@ -69,7 +69,8 @@ impl Assets {
         if !(BORDER..nx - BORDER).contains(&x) {
             return Ok(texels);
         }
-        // A voxel along an axis of the world, or a node's voxel; the same both ways.
+        // The voxel of a node along an axis, or the node of a voxel: the mapping is its own
+        // inverse.
         let turned = |axis: usize, at: usize| match axes.of_world(axis) {
             (own, true) => grid.get(own).map_or(0, |count| count - 1 - at),
             (_, false) => at,
@@ -91,7 +92,7 @@ impl Assets {
     }
 }
 
-/// Calls `visit` with all voxels of some opacity in a plane of blocks of `edge` voxels a side.
+/// Calls `visit` with all voxels above opacity 0 in a plane of blocks of `edge` voxels per side.
 fn visit_plane(
     atlas: &Atlas,
     edge: usize,
@@ -171,7 +172,7 @@ impl FieldNodes for Assets {
     }
 }
 
-/// The logit of a colour that was multiplied by an opacity; 0 where there is none.
+/// The logit of a premultiplied colour; 0 at opacity 0.
 #[expect(clippy::cast_possible_truncation, reason = "logits are float32")]
 fn logit(value: u32, opacity: u32) -> f32 {
     if opacity == 0 {

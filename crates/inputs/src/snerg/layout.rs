@@ -1,9 +1,9 @@
 //! The layout of SNeRG's asset folders, which reading and writing share.
 //!
-//! A folder holds a sparse grid of cubic voxels, whose values lie in the middle of voxels. Blocks of
-//! it that show something stand in an *atlas*, each with an apron of one voxel around. PNGs hold
-//! [`PLANES`] planes of the atlas each, of constant z, one below the other. Its axes are those of
-//! OpenGL, y up; [`WORLD_OF_GL`] turns them to the world.
+//! A folder holds a sparse grid of cubic voxels, with values in the middle of voxels. Its non-empty
+//! blocks are in an *atlas*, each with an apron of one voxel. PNGs hold [`PLANES`] planes of the
+//! atlas each, of constant z, one below the other. Its axes are those of OpenGL, y up;
+//! [`WORLD_OF_GL`] maps them to the world.
 
 /// The file that describes a folder.
 pub const PARAMETERS: &str = "scene_params.json";
@@ -11,20 +11,20 @@ pub const PARAMETERS: &str = "scene_params.json";
 pub const INDICES: &str = "atlas_indices.png";
 /// Planes of the atlas in a picture.
 pub const PLANES: usize = 4;
-/// Voxels that a block repeats of its neighbours on each side.
+/// Apron: voxels that a block repeats from its neighbours on each side.
 pub const APRON: usize = 1;
-/// In a picture of indices, a block that shows nothing.
+/// The index of an empty block.
 pub const EMPTY: u8 = 255;
-/// Edge of the cubes of the atlas that rays skip where their mean opacity is nearly 0. A block with
-/// its apron is whole cubes.
+/// Edge of the atlas cubes that rays skip if their mean opacity is nearly 0. A block with its apron
+/// consists of whole cubes.
 pub const SKIPPED_CUBE: usize = 4;
-/// Opacity up to which a sample, or a cube's mean, counts as nothing.
+/// Opacity up to which a sample, or a cube's mean, counts as empty.
 pub const FAINT: f64 = 0.5 / 255.0;
 /// Transmittance at which rays end.
 pub const OPAQUE: f64 = 1.0 / 255.0;
 /// Transmittance above which the network does not run.
 pub const CLEAR: f64 = 254.0 / 255.0;
-/// Values of magnitudes below this are 0 to the network.
+/// The network treats magnitudes below this as 0.
 pub const NEARLY_ZERO: f32 = 0.1 / 255.0;
 /// Specular features.
 pub const FEATURES: usize = 4;
@@ -46,8 +46,8 @@ pub fn feature_name(slice: usize) -> String {
 }
 
 /// The place in a folder's first layer of input `input` of a
-/// [`ViewMlp`](crate::model::view_mlp::ViewMlp). Folders order the waves of a direction by octave, then by
-/// axis; networks here by axis, then by octave.
+/// [`ViewMlp`](crate::model::view_mlp::ViewMlp). Folders order the waves of a direction by octave,
+/// then by axis; networks here by axis, then by octave.
 pub const fn folder_input(input: usize) -> usize {
     let waves = 3 * OCTAVES;
     if input < 3 || input >= 3 + 2 * waves {

@@ -10,7 +10,7 @@ use crate::model::trained_model::RayRules;
 use crate::snerg::layout::{APRON, CLEAR, FAINT};
 use crate::sparse::whole;
 
-/// The largest opacity of which a density is stated.
+/// The largest opacity that is converted to a density.
 const DENSEST: f64 = 254.5 / 255.0;
 
 impl Viewed for Assets {
@@ -37,7 +37,7 @@ impl Rules {
         number
     }
 
-    /// A position in voxels behind the lowest corner of a block, within it.
+    /// A position in voxels from the lowest corner of its block.
     fn local(&self, number: [usize; 3], position: [f64; 3]) -> [f64; 3] {
         let edge = self.parameters.block as f64;
         let mut local = position;
@@ -52,7 +52,7 @@ impl Rules {
         block.interpolate(local.map(|at| at + APRON as f64 - 0.5)).map(|sum| sum / 255.0)
     }
 
-    /// Values at a position of the world; zeros where nothing shows.
+    /// Values at a position of the world; zeros in empty space.
     fn at(&self, world: [f64; 3]) -> [f64; 8] {
         let position = self.position(world);
         let inside = |(at, count): (f64, usize)| (0.0..=count as f64).contains(&at);

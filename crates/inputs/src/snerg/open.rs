@@ -17,11 +17,11 @@ pub fn knows(file: &TensorFile) -> bool {
     file.kind == FileKind::Folder && !merf::knows(file)
 }
 
-/// Opens a folder: reads its parameters, looks at its pictures, and reads the one of indices.
+/// Opens a folder: reads its parameters, checks its pictures, and reads the index picture.
 ///
 /// # Errors
-/// `Unsupported` for scenes that are no box of cubes, `Malformed` where numbers and pictures do not
-/// fit each other, `Io` where a picture is missing.
+/// `Unsupported` for scenes that are not a box of cubes, `Malformed` for inconsistent numbers and
+/// pictures, `Io` for missing pictures.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let family = Family::Snerg;
     folder::refuse_other_views(family.name(), options)?;

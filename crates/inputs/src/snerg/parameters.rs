@@ -28,7 +28,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Reads them, and holds them against each other.
+    /// Reads them, and checks their consistency.
     pub(super) fn read(file: &TensorFile, limits: &Limits) -> Result<Self> {
         let place = |key: &str| Place::Key(key.to_owned());
         let numbers = Numbers::of(file, limits);

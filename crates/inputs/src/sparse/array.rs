@@ -10,9 +10,9 @@ use crate::base::lock::lock;
 use crate::model::grid::{Element, Nodes};
 use crate::tensor::Tensor;
 
-/// The remedy for values that are not finite where no option helps.
+/// The remedy for values that are not finite, if no option helps.
 const NOT_FINITE: &str = "retrain: these values are part of the scene";
-/// Rows closer than this many bytes are read as one: a gap costs less than a call.
+/// Rows closer than this many bytes are read as one, because a gap costs less than a call.
 const BRIDGED_BYTES: u64 = 4096;
 /// Bytes that are read at once, at most, unless one row is longer.
 const READ_BYTES: u64 = 1 << 20;
@@ -20,12 +20,12 @@ const READ_BYTES: u64 = 1 << 20;
 const SAMPLES: u64 = 64;
 const SAMPLE_BYTES: u64 = 4096;
 
-/// Makes the bytes of rows that no file holds as they are.
+/// Computes the bytes of rows that no file holds directly.
 pub trait MakeBytes: Debug + Send + Sync {
     /// All rows, one after the other.
     ///
     /// # Errors
-    /// Those of reading, and more bytes than the limits allow.
+    /// Errors of reading, and more bytes than the limits allow.
     fn make(&self, limits: &Limits) -> Result<Storage>;
 
     /// Bytes that it takes in memory, at most.
@@ -38,7 +38,7 @@ enum Source {
     Made(Box<dyn MakeBytes>),
 }
 
-/// An array whose first axes count rows: all of its axes but the last ones, which make a row.
+/// An array of rows: the last axes make a row, all axes before them count rows.
 #[derive(Debug)]
 pub struct RowArray {
     source: Source,
@@ -49,7 +49,7 @@ pub struct RowArray {
     /// For each column, the factor and the addend that make values of stored numbers.
     scales: Option<Vec<[f32; 2]>>,
     limits: Limits,
-    /// The bytes, once they were asked for: checksums are verified, entries inflated.
+    /// The bytes after first use: checksums are verified, entries inflated.
     storage: Mutex<Option<Storage>>,
 }
 
@@ -57,7 +57,7 @@ impl RowArray {
     /// The rows of `tensor`, each `width` numbers of its last axes.
     ///
     /// # Errors
-    /// `Malformed` for numbers that are no floats, or no whole rows.
+    /// `Malformed` for numbers other than floats, and for incomplete rows.
     pub fn new(tensor: &Tensor, width: usize, limits: &Limits) -> Result<Self> {
         if !matches!(tensor.element(), Element::F16 | Element::BF16 | Element::F32 | Element::F64) {
             let found = format!("{} numbers", tensor.element().name());
@@ -67,10 +67,11 @@ impl RowArray {
         Self::of_tensor(tensor, width, None, limits)
     }
 
-    /// The same of uint8 numbers: column by column, a value is a number times a factor and an addend.
+    /// The same of uint8 numbers: column by column, a value is a number times a factor and an
+    /// addend.
     ///
     /// # Errors
-    /// `Malformed` for other numbers, or no whole rows.
+    /// `Malformed` for other numbers, and for incomplete rows.
     pub fn quantized(tensor: &Tensor, scales: Vec<[f32; 2]>, limits: &Limits) -> Result<Self> {
         if tensor.element() != Element::U8 {
             let found = format!("{} numbers", tensor.element().name());
@@ -96,7 +97,7 @@ impl RowArray {
         Ok(Self { source, element, place, rows, width, scales, limits, storage })
     }
 
-    /// Rows of float16 that are made when they are first wanted.
+    /// Rows of float16 that are computed on first use.
     pub fn made(source: Box<dyn MakeBytes>, rows: u64, width: usize, limits: &Limits) -> Self {
         let (source, place) = (Source::Made(source), Place::File);
         let (limits, storage) = (limits.clone(), Mutex::new(None));
@@ -136,7 +137,7 @@ impl RowArray {
     /// All values, as float32.
     ///
     /// # Errors
-    /// Those of reading, and more memory than the budget has.
+    /// Errors of reading, and more memory than the budget has.
     pub fn values(&self, budget: &mut Budget) -> Result<Vec<f32>> {
         let count = limits::product(&[self.rows, self.width as u64], "rows", &self.place)?;
         let mut values = budget.zeroed(count, "bytes of rows", &self.place)?;
@@ -152,7 +153,7 @@ impl RowArray {
     /// Calls `visit` with all rows in order, some at a time.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn for_each_piece(&self, mut visit: impl FnMut(&[f32])) -> Result<()> {
         let mut values = Vec::new();
         self.for_each_stored(|bytes| {
@@ -182,7 +183,7 @@ impl RowArray {
         Ok(())
     }
 
-    /// Values of stored numbers, of which the first one is in a column.
+    /// Values of stored numbers, starting at a column.
     pub(super) fn decode(&self, column: usize, bytes: &[u8], out: &mut [f32]) {
         self.element.decode(bytes, out);
         let scales = self.scales.as_ref().and_then(|scales| scales.get(column..));
@@ -200,7 +201,7 @@ impl RowArray {
         }
     }
 
-    /// Refuses values that are not finite, where rows are no nodes.
+    /// Refuses values that are not finite, for rows that are not nodes.
     ///
     /// # Errors
     /// `Malformed`, with the number of the first one's row.
@@ -213,8 +214,8 @@ impl RowArray {
         Err(Error::malformed(self.place.clone(), found, "finite numbers").advise(NOT_FINITE))
     }
 
-    /// Refuses values that are not finite at nodes, of which `row` is each one's row. Rows of no node
-    /// do not matter.
+    /// Refuses values that are not finite at nodes; `row` gives the row of each node. Rows without
+    /// a node are ignored.
     ///
     /// # Errors
     /// `NonFinite`, with the first node.
@@ -249,7 +250,7 @@ impl RowArray {
     /// Calls `visit` with one column of all rows, in pieces.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn column(&self, column: usize, mut visit: impl FnMut(&[f32])) -> Result<()> {
         let mut values = Vec::new();
         self.for_each_stored(|bytes| {
@@ -258,10 +259,10 @@ impl RowArray {
         })
     }
 
-    /// Shows samples of the bytes, for a digest.
+    /// Visits samples of the bytes, for a digest.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn sample(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let storage = self.storage()?;
         let size = storage.length().min(SAMPLE_BYTES);
@@ -273,8 +274,8 @@ impl RowArray {
         Ok(())
     }
 
-    /// Copies rows to their places in `out`. `wanted` holds row numbers, below [`Self::rows`], and
-    /// is sorted by this. Returns the bytes that were read.
+    /// Copies rows to their places in `out`. `wanted` holds row numbers, below [`Self::rows`]; this
+    /// sorts it. Returns the bytes that were read.
     pub(super) fn gather(&self, wanted: &mut [(u32, u32)], out: &mut [u8]) -> Result<u64> {
         if !wanted.is_sorted() {
             wanted.sort_unstable();

@@ -1,7 +1,7 @@
-//! Grids whose values lie in the middle of cells, as fields whose nodes span a box.
+//! Grids with values in the middle of cells, as fields whose nodes span a box.
 //!
-//! One node is added beyond each face, a copy of the face's own: so the outer half of the outermost
-//! cells stays, and rays are sampled from face to face of the cells.
+//! One node is added beyond each face, a copy of the face's own, so that the outer half of the
+//! outermost cells stays, and rays are sampled from face to face of the cells.
 
 use crate::base::error::{Error, Place, Result};
 use crate::model::field::Lattice as FieldLattice;
@@ -9,9 +9,10 @@ use crate::model::grid::{Bounds, Nodes};
 
 use super::path::Lattice;
 
-/// Edges of cells that differ by this share are the same: settings are float32.
+/// Edges of cells that differ by up to this share count as equal, because settings are float32.
 const SAME_EDGE: f32 = 1e-6;
-/// The longest edge of a box, in its shortest ones. Rays along thinner boxes take endless steps.
+/// Maximum ratio of a box's longest edge to its shortest. Rays along thinner boxes take too many
+/// steps.
 const WIDEST: f64 = 1e6;
 
 /// A box of cells.
@@ -37,8 +38,8 @@ impl CellBox {
     /// The box of the field's nodes.
     ///
     /// # Errors
-    /// `Malformed` for a box without extent, and for one that is far thinner along one axis than
-    /// along another, at the place of the radius; for a middle far from 0, at its own.
+    /// `Malformed`, at the place of the radius, for a box without extent or one that is too thin;
+    /// at the place of the middle, for a middle far from 0.
     pub fn bounds(&self, [place, center]: [&Place; 2]) -> Result<Bounds> {
         let is_far = |at: &f64| !(-Bounds::FARTHEST..=Bounds::FARTHEST).contains(at);
         if let Some(far) = self.radius.into_iter().find(is_far) {
@@ -62,7 +63,7 @@ impl CellBox {
         Ok(bounds)
     }
 
-    /// Nodes in the middles of all cells, and so many beyond each face.
+    /// For nodes in the middles of all cells, and this many beyond each face.
     pub fn lattice_beyond(&self, border: usize) -> FieldLattice {
         let more = 2.0 * border as f64 - 1.0;
         let bounds = self.reaching(|radius, count| radius * (1.0 + more / count));
@@ -74,7 +75,7 @@ impl CellBox {
         self.reaching(|radius, _| radius)
     }
 
-    /// The box that reaches so far from the middle, of half the box's edge and the cells along it.
+    /// The box with this reach from the middle, from half the box's edge and the cells along it.
     #[expect(clippy::cast_possible_truncation, reason = "a field's box is float32")]
     fn reaching(&self, reach: impl Fn(f64, f64) -> f64) -> Bounds {
         let mut bounds = Bounds { min: [0.0; 3], max: [0.0; 3] };
@@ -92,7 +93,7 @@ impl CellBox {
         libm::cbrt(self.axes().map(|(radius, _, count)| 2.0 * radius / count).product()) as f32
     }
 
-    /// Edges of a cell in world units, where they differ.
+    /// Edges of a cell in world units, if they differ.
     #[expect(clippy::cast_possible_truncation, reason = "a field's settings are float32")]
     pub fn voxel(&self) -> Option<[f32; 3]> {
         let mut edges = [0.0; 3];

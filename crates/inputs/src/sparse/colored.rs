@@ -19,7 +19,7 @@ pub struct ColoredRows {
 }
 
 impl ColoredRows {
-    /// The colour in a cell along a direction of which the functions' values are known.
+    /// The colour in a cell along a direction with known function values.
     pub fn color(&self, cell: &Cell, functions: &[f64]) -> [f64; 3] {
         let sums = self.rows.color(cell, functions, self.stored);
         let Some(rules) = &self.harmonics else { return sums };
@@ -31,7 +31,7 @@ impl ColoredRows {
         }
     }
 
-    /// The functions that are used, in a unit direction; of plain colours, the colour itself.
+    /// The values of the used functions in a unit direction; for plain colours, the colour itself.
     pub fn functions(&self, direction: [f64; 3]) -> Vec<f64> {
         match &self.harmonics {
             Some(rules) => basis_f64(direction).into_iter().take(rules.functions()).collect(),

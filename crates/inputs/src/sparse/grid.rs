@@ -16,17 +16,17 @@ use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 pub struct Channel {
     first: usize,
     weights: Vec<f32>,
-    /// Makes the colour of a coefficient of band 0 by itself.
+    /// Converts a coefficient of band 0 alone to a colour.
     band_0: Option<Harmonics>,
 }
 
 impl Channel {
-    /// A column of the rows, as it is.
+    /// A column of the rows, unchanged.
     pub fn column(column: usize) -> Self {
         Self { first: column, weights: vec![1.0], band_0: None }
     }
 
-    /// The value that a weighted sum makes.
+    /// The value of a weighted sum.
     fn value(&self, sum: f32) -> f32 {
         match self.band_0 {
             None => sum,
@@ -39,12 +39,12 @@ impl Channel {
 
     /// The channels of harmonics, function by function, each red, green and blue. Rows hold
     /// `stored` functions of red, then of green, then of blue, starting at column `first`; each row
-    /// of `weights` makes a harmonic of them.
+    /// of `weights` gives one harmonic.
     pub fn of_weights(first: usize, stored: usize, weights: &[Vec<f32>]) -> Vec<Self> {
         let of_function = |weights: &Vec<f32>| {
             let weights = weights.clone();
             [0, 1, 2].map(|color| {
-                // Columns beside a single one need not be read.
+                // For a single column, its neighbours need not be read.
                 let single = weights.iter().filter(|weight| **weight != 0.0).count() == 1;
                 let at = weights.iter().position(|weight| *weight != 0.0).unwrap_or(0);
                 let (skip, weights) = match (single, weights.get(at)) {
@@ -57,13 +57,13 @@ impl Channel {
         weights.iter().flat_map(of_function).collect()
     }
 
-    /// The same where the first `kept` of the functions are harmonics.
+    /// The same if the first `kept` of the functions are harmonics.
     pub fn of_harmonics(first: usize, stored: usize, kept: usize) -> Vec<Self> {
         let of_function = |function| (0..3).map(move |color| first + color * stored + function);
         (0..kept).flat_map(of_function).map(Self::column).collect()
     }
 
-    /// Colours that do not depend on the view, out of the channels of band 0.
+    /// View-independent colours from the channels of band 0.
     pub fn of_band_0(channels: Vec<Self>, rules: Harmonics) -> Vec<Self> {
         let rules = Harmonics { degree: 0, ..rules };
         let band_0 = channels.into_iter().take(3);
@@ -71,8 +71,8 @@ impl Channel {
     }
 }
 
-/// Channels whose nodes are rows behind an index. Nodes without a row hold what a row of zeros
-/// makes.
+/// Channels whose nodes are rows behind an index. Nodes without a row have the values of a row of
+/// zeros.
 #[derive(Debug)]
 pub struct RowGrid {
     index: Arc<Index>,
@@ -80,15 +80,15 @@ pub struct RowGrid {
     channels: Vec<Channel>,
     /// Nodes beyond each face of the index, which repeat the face's.
     border: usize,
-    /// Arrays that the file's digest does not cover by their checksums.
+    /// Arrays without checksums in the file's digest.
     unchecked: Vec<Arc<RowArray>>,
     slabs: Slabs,
 }
 
 impl RowGrid {
-    /// Of `array`, whose rows hold the columns of all `channels`. The field has `border` more nodes
-    /// beyond each face, which repeat the face's. A digest samples the arrays `unchecked`: all that
-    /// the field is made of, where the file's own digest holds no checksums of values.
+    /// From `array`, whose rows hold the columns of all `channels`. The field has `border` more
+    /// nodes beyond each face, which repeat the face's. A digest samples the arrays `unchecked`:
+    /// all arrays of the field, if the file's own digest has no checksums of values.
     pub fn new(
         index: &Arc<Index>,
         array: &Arc<RowArray>,
@@ -101,7 +101,7 @@ impl RowGrid {
         Self { index, array, channels, border, unchecked, slabs }
     }
 
-    /// The same; nodes without a row that have neighbours with one take their mean.
+    /// The same, but nodes without a row take the mean of their neighbours' rows.
     #[must_use]
     pub fn dilated(mut self) -> Self {
         self.slabs = Slabs::new(&self.index, &self.array, true);

@@ -1,4 +1,4 @@
-//! The row that a node has.
+//! The mapping from nodes to rows.
 
 use std::fmt::Debug;
 use std::sync::Mutex;
@@ -13,7 +13,7 @@ use crate::tensor::Tensor;
 /// Stands for no row.
 pub(super) const NO_ROW: u32 = u32::MAX;
 
-/// The rows of a grid's nodes, without all of them in memory.
+/// The rows of a grid's nodes, not all in memory.
 #[derive(Debug)]
 pub struct Index {
     nodes: Nodes,
@@ -24,23 +24,23 @@ pub struct Index {
 
 #[derive(Debug)]
 enum Rule {
-    /// Each node has the row of its own number, z fastest.
+    /// Row numbers are node numbers, z fastest.
     Dense,
-    /// A table of row numbers; negative ones stand for none.
+    /// A table of row numbers; negative numbers mean none.
     Links { tensor: Tensor, limits: Limits, storage: Mutex<Option<Storage>> },
-    /// Cubes of rows, `edge` nodes a side, z fastest within; and the number of each cube's block,
-    /// z fastest. [`NO_ROW`] stands for none.
+    /// Cubes of rows, `edge` nodes per side, z fastest within; and the number of each cube's block,
+    /// z fastest. [`NO_ROW`] means none.
     Blocks { edge: usize, counts: [usize; 3], table: Vec<u32> },
     /// Another structure.
     Other(Box<dyn PlaneRows>),
 }
 
-/// Rows of nodes that another structure knows.
+/// Rows of nodes from another structure.
 pub trait PlaneRows: Debug + Send + Sync {
-    /// Fills in the rows of plane `x`, z fastest; nodes without one stay as they are.
+    /// Fills in the rows of plane `x`, z fastest; entries of nodes without one do not change.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn fill(&self, x: usize, rows: &mut [u32]) -> Result<()>;
 
     /// Bytes that it takes in memory.
@@ -48,10 +48,10 @@ pub trait PlaneRows: Debug + Send + Sync {
 }
 
 impl Index {
-    /// Of a grid that has a row for each node.
+    /// For a grid with a row for each node.
     ///
     /// # Errors
-    /// `Malformed` where there are more or fewer rows, or more than 2^32 - 2.
+    /// `Malformed` for another number of rows, or more than 2^32 - 2.
     pub fn dense(nodes: Nodes, rows: u64, place: &Place) -> Result<Self> {
         if rows != nodes.count() as u64 {
             let found = format!("{rows} rows for {:?} nodes", nodes.0);
@@ -60,7 +60,7 @@ impl Index {
         Self::new(nodes, rows, Rule::Dense, place)
     }
 
-    /// Of links, int32 `[x, y, z]`.
+    /// From links, int32 `[x, y, z]`.
     ///
     /// # Errors
     /// `Malformed` for another shape or type.
@@ -80,12 +80,12 @@ impl Index {
         Self::new(nodes, rows, rule, &place)
     }
 
-    /// Of blocks of `edge` nodes a side: `places` are their numbers along each axis, in the order
-    /// of their rows. Rows beyond the grid's end count for nothing.
+    /// From blocks of `edge` nodes per side: `places` are their numbers along each axis, in the
+    /// order of their rows. Rows beyond the grid's end are ignored.
     ///
     /// # Errors
-    /// `Malformed` for a block outside of the grid or one that is there twice, or another number of
-    /// rows; `OverLimit` for too many blocks.
+    /// `Malformed` for blocks outside the grid, duplicate blocks, or another number of rows;
+    /// `OverLimit` for too many blocks.
     pub fn blocks(
         nodes: Nodes,
         edge: usize,
@@ -122,7 +122,7 @@ impl Index {
         Self::new(nodes, rows, Rule::Blocks { edge, counts, table }, place)
     }
 
-    /// Of another structure.
+    /// From another structure.
     ///
     /// # Errors
     /// `OverLimit` for more than 2^32 - 2 rows.
@@ -143,7 +143,7 @@ impl Index {
     /// The rows of plane `x`, z fastest; [`NO_ROW`] for none.
     ///
     /// # Errors
-    /// Those of reading, and `Malformed` for a link to no row.
+    /// Errors of reading, and `Malformed` for a link to no row.
     pub(super) fn plane(&self, x: usize, out: &mut Vec<u32>) -> Result<()> {
         let [_, ny, nz] = self.nodes.0;
         out.clear();
@@ -190,7 +190,7 @@ impl Index {
         Ok(())
     }
 
-    /// Shows a table in memory, for a digest.
+    /// Visits a table in memory, for a digest.
     ///
     /// # Errors
     /// None of its own.
@@ -215,7 +215,7 @@ impl Index {
     /// All of it in memory.
     ///
     /// # Errors
-    /// Those of reading, and more memory than the budget has.
+    /// Errors of reading, and more memory than the budget has.
     pub fn load(&self, budget: &mut Budget) -> Result<LoadedIndex> {
         let mut rows = budget.zeroed(self.nodes.count(), "bytes of an index", &Place::File)?;
         let [nx, ny, nz] = self.nodes.0;
@@ -241,7 +241,7 @@ impl LoadedIndex {
         self.nodes
     }
 
-    /// The row of a node inside of the grid, if it has one.
+    /// The row of a node inside the grid, if any.
     #[inline]
     pub fn row(&self, [x, y, z]: [usize; 3]) -> Option<usize> {
         let [_, ny, nz] = self.nodes.0;

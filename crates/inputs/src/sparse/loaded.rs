@@ -35,7 +35,7 @@ impl LoadedRows {
     /// of the last one.
     ///
     /// # Errors
-    /// Those of reading, values that are not finite, more memory than the budget has.
+    /// Errors of reading, values that are not finite, more memory than the budget has.
     pub fn load(
         index: &Index,
         arrays: &[&RowArray],
@@ -63,7 +63,7 @@ impl LoadedRows {
         for x in 0..nx {
             for y in 0..ny {
                 for z in (0..nz).filter(|&z| is_full([x, y, z])) {
-                    // A node on a border of cubes is a corner of cells on both sides.
+                    // A node on the border between cubes is a corner of cells on both sides.
                     let touched = |node: usize, count: usize| {
                         node.saturating_sub(1) / CUBE..(node / CUBE).min(count - 1) + 1
                     };
@@ -88,7 +88,7 @@ impl LoadedRows {
         self.index.nodes()
     }
 
-    /// The nearest position that has nodes on all sides, of one in nodes.
+    /// Clamps a position, in nodes, to positions with nodes on all sides.
     pub fn clamped(&self, position: [f64; 3]) -> [f64; 3] {
         let mut clamped = position;
         let last = self.nodes().0.map(|count| (count - 1) as f64);
@@ -115,15 +115,15 @@ impl LoadedRows {
         Cell { rows, weights }
     }
 
-    /// True if no cell of the cube around a position has a density above 0 anywhere.
+    /// True if no cell of the cube around a position has a density above 0.
     pub fn is_empty(&self, position: [f64; 3]) -> bool {
         let [i, j, k] = self.cube(position);
         let [_, by, bz] = self.cubes;
         !self.occupied.get((i * by + j) * bz + k).copied().unwrap_or(false)
     }
 
-    /// The faces of the cube around a position: lowest and highest along each axis, in nodes. Those
-    /// on the grid's border have no end.
+    /// The faces of the cube around a position: lowest and highest along each axis, in nodes. Faces
+    /// on the grid's border are at infinity.
     pub fn cube_faces(&self, position: [f64; 3]) -> [[f64; 2]; 3] {
         let cube = self.cube(position);
         let axes = cube.into_iter().zip(self.cubes).map(|(at, count)| {
@@ -183,7 +183,7 @@ impl LoadedRows {
     }
 }
 
-/// The whole part of a number from 0; anything else is 0.
+/// The integer part of a non-negative number; 0 for anything else.
 pub fn whole(number: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
     let whole = number as usize;

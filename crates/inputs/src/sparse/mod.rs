@@ -1,10 +1,9 @@
 //! Grids whose nodes are rows of arrays, behind an index: Plenoxels' links, blocks of sampled
 //! arrays, or the nodes in their own order.
 //!
-//! [`Index`] says which row a node has, if any. [`RowArray`] reads rows from their file. Both serve
-//! two readers: [`RowGrid`] feeds a bake slab by slab and keeps a few slabs, so that no dense grid
-//! is ever made; [`LoadedRows`] holds all rows in memory for a model that is rendered by its own
-//! rules.
+//! [`Index`] maps nodes to rows. [`RowArray`] reads rows from their file. Both serve two readers:
+//! [`RowGrid`] feeds a bake slab by slab and caches a few slabs, so that no dense grid is ever
+//! made; [`LoadedRows`] holds all rows in memory for a model that is rendered by its own rules.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

@@ -6,10 +6,10 @@ use crate::model::camera::Ray;
 use crate::model::ray_march::{Next, Steps, point_at, unit_direction};
 use crate::model::trained_model::RayRules;
 
-/// Samples no farther beyond a face than this, in nodes, lie on it.
+/// Samples at most this far beyond a face, in nodes, lie on it.
 const ON_FACE: f64 = 1e-9;
 
-/// A map from the world to positions in nodes: node 0 is at 0.
+/// A map from the world to positions in nodes; node 0 is at 0.
 #[derive(Debug, Clone, Copy)]
 pub struct Lattice {
     /// World position of node 0.
@@ -67,9 +67,9 @@ impl Lattice {
 }
 
 impl GridPath {
-    /// Visits samples front to back, `step` world units from one to the next, with their distance
-    /// and cell, until a visit says no. Where no density is above 0, samples are left out. So are
-    /// those beyond the most that any ray may have.
+    /// Visits samples front to back, `step` world units apart, with their distance and cell, until
+    /// a visit returns false or the limit of samples is reached. Samples without density above 0
+    /// are skipped.
     pub fn walk(
         &self,
         rows: &LoadedRows,

@@ -1,4 +1,4 @@
-//! A few planes of rows, and the last ones that were wanted.
+//! Slabs of a few planes of rows, and a cache of the most recent ones.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use crate::model::grid::Element;
 const PLANES: usize = 8;
 /// Bytes of a slab, at most, unless one plane is larger.
 const SLAB_BYTES: usize = 80 << 20;
-/// Bytes of the slabs that are kept, at most, beside the last two.
+/// Maximum bytes of cached slabs, beside the last two.
 const KEPT_BYTES: u64 = 160 << 20;
 
 /// The rows of the nodes of one plane.
@@ -39,10 +39,10 @@ impl Slab {
     }
 }
 
-/// A slab that one thread fills while others wait.
+/// A slab; one thread fills it while others wait.
 type Slot = Arc<Mutex<Option<Arc<Slab>>>>;
 
-/// A slab that is kept: its number, and its bytes once it is filled.
+/// A cached slab: its number, and its bytes once filled.
 #[derive(Debug)]
 struct Kept {
     number: usize,
@@ -50,11 +50,11 @@ struct Kept {
     bytes: u64,
 }
 
-/// The last slabs that were wanted.
+/// The most recently used slabs.
 #[derive(Debug)]
 pub(super) struct Slabs {
     planes: usize,
-    /// Bytes of a plane that has a row at each node, at most.
+    /// Maximum bytes of a plane, with a row at each node.
     plane_bytes: usize,
     /// True if nodes without a row take the mean of their neighbours' rows.
     dilates: bool,
@@ -67,7 +67,7 @@ impl Slabs {
         // Dilated rows are float32.
         let row_bytes = if dilates { 4 * array.width() } else { array.row_bytes() };
         let plane_bytes = (ny * nz).saturating_mul(row_bytes + 4).max(1);
-        // A power of 2, as Morton order has it.
+        // A power of 2, to match Morton order.
         let planes = 1 << (SLAB_BYTES / plane_bytes).clamp(1, PLANES).ilog2();
         Self { planes, plane_bytes, dilates, kept: Mutex::default() }
     }
@@ -94,7 +94,7 @@ impl Slabs {
         KEPT_BYTES.max(2 * slab).min(plane_bytes * index.nodes().0[0] as u64) + slab
     }
 
-    /// Forgets all that is kept.
+    /// Clears the cache.
     pub(super) fn release(&self) {
         lock(&self.kept).clear();
     }
@@ -139,7 +139,7 @@ impl Slabs {
         slot
     }
 
-    /// Notes the bytes of a slab, and forgets those that were not wanted for longest.
+    /// Records the bytes of a slab, and evicts the least recently used ones.
     fn filled(&self, number: usize, bytes: u64) {
         let mut kept = lock(&self.kept);
         if let Some(own) = kept.iter_mut().find(|own| own.number == number) {
@@ -195,8 +195,8 @@ fn planes(index: &Index, array: &RowArray, range: Range<usize>) -> Result<(Vec<P
     Ok((planes, read))
 }
 
-/// A plane, as float32, with a row for each node that has a neighbour with one: the neighbours'
-/// mean.
+/// A plane as float32 with dilated rows: a node without a row takes the mean of its neighbours'
+/// rows.
 fn dilate(
     own: &Plane,
     sides: [Option<&Plane>; 2],
@@ -213,7 +213,7 @@ fn dilate(
         values
     };
     let own_values = decoded(own);
-    // The place of each node's row: first the own ones, then those of neighbours' sums.
+    // The place of each node's row: first its own rows, then sums of neighbours.
     let mut places = vec![NO_ROW; ny * nz];
     let number = |count: usize| u32::try_from(count).unwrap_or(NO_ROW);
     for (at, &node) in own.nodes.iter().enumerate() {

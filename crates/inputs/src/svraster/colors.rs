@@ -1,9 +1,9 @@
 //! Harmonics at the nodes of a plane of a box.
 //!
-//! A voxel has one colour; a field mixes those of nodes. A node first gets the mean of the voxels
-//! around it, weighted by the light that they stop within a cell. Mixed again within a voxel, such
-//! means are a blur over its neighbours. So a voxel's own colour is compared with the mean of its
-//! eight nodes, and the nodes get the mean of these differences on top.
+//! A voxel has one colour; a field interpolates colours of nodes. A node first gets the mean of the
+//! voxels around it, weighted by the light that they absorb within a cell. Interpolating such means
+//! blurs a voxel with its neighbours. So a voxel's own colour is compared with the mean of its
+//! eight nodes, and the mean of these differences is added to the nodes.
 
 use super::density::{between, density};
 use super::loaded::Voxels;
@@ -12,7 +12,7 @@ use super::plane::{Touching, mean_density};
 
 /// Stands for no slot.
 const NO_SLOT: u32 = u32::MAX;
-/// Added to the light that a voxel stops when colours are weighted, so that all count.
+/// Added to the light that a voxel absorbs, so that every voxel has some weight.
 const LEAST_WEIGHT: f64 = 1e-4;
 
 /// Harmonics at the nodes of a plane that voxels touch, node after node.
@@ -20,7 +20,7 @@ const LEAST_WEIGHT: f64 = 1e-4;
 pub(super) struct NodeColors {
     /// The place of each node's numbers.
     slots: Vec<u32>,
-    /// Nodes that have some, ascending: few of a plane's.
+    /// Nodes with numbers, ascending: few of the plane's nodes.
     nodes: Vec<u32>,
     values: Vec<f32>,
     width: usize,
@@ -33,7 +33,7 @@ impl NodeColors {
         tables.iter().sum::<usize>() + size_of_val(self.values.as_slice())
     }
 
-    /// The numbers of a node; none where no voxel touches it.
+    /// The numbers of a node; none if no voxel touches it.
     fn node(&self, node: usize) -> &[f32] {
         match self.slots.get(node) {
             Some(&slot) if slot != NO_SLOT => {
@@ -88,7 +88,7 @@ impl Painted<'_> {
         sums.finish()
     }
 
-    /// The shares of a voxel's light that its eighths stop, x slowest.
+    /// The shares of a voxel's absorbed light in its eighths, x slowest.
     fn light(&self, voxel: u32) -> [f32; 8] {
         let raw = self.voxels.corners(voxel);
         let mut shares = [0.0; 8];
@@ -102,8 +102,8 @@ impl Painted<'_> {
         shares.map(|share| (share / sum) as f32)
     }
 
-    /// The colours of a plane, of the means of its own nodes and of those of the planes before and
-    /// behind it.
+    /// The colours of a plane, from the means of its own nodes and of the planes before and behind
+    /// it.
     pub(super) fn sharpened(
         &self,
         x: u32,
@@ -116,7 +116,7 @@ impl Painted<'_> {
         let mut difference = vec![0.0; voxels.width()];
         for touch in &touching.large {
             let [low_x, ..] = touch.cube.corner;
-            // Others are mostly far from the voxels that blur them, or average those within them.
+            // Other voxels are mostly far from the blur, or are averages themselves.
             if touch.cube.edge != plan.edge {
                 continue;
             }
@@ -140,7 +140,7 @@ impl Painted<'_> {
                 sums.add(node, count * self.weight(light), &difference);
             });
         }
-        // Nodes of larger voxels alone keep their means.
+        // Nodes with only larger voxels keep their means.
         let mut sharpened = own.clone();
         sums.finish().add_to(&mut sharpened);
         sharpened

@@ -16,7 +16,7 @@ pub(super) struct Config {
     pub(super) samples: u32,
     /// Colour behind all voxels; none is the mean colour of each picture.
     pub(super) background: Option<f32>,
-    /// Size of pictures that are made smaller afterwards, in their own.
+    /// Supersampling factor of pictures.
     pub(super) supersampling: f64,
     /// Doublings of the inner box.
     pub(super) outside_level: Option<u32>,
@@ -38,7 +38,7 @@ pub(super) struct ConfigFile {
 
 impl ConfigFile {
     /// Reads `NAME.config.yaml` beside `NAME.pt`, else `config.yaml` there, else the one in the
-    /// folder above `checkpoints`. None if there is none of them.
+    /// folder above `checkpoints`. None if none of them exists.
     pub(super) fn beside(input: &Path, limits: &Limits) -> Result<Option<Self>> {
         let folder = input.parent().unwrap_or(Path::new(""));
         let mut paths = vec![input.with_extension("config.yaml"), folder.join("config.yaml")];

@@ -1,7 +1,7 @@
 //! The distinct corners of voxels.
 //!
-//! A file has a raw density for each of them, sorted by x, y and z. Those of a plane of x lie
-//! together, so corners are told apart plane by plane.
+//! A file has a raw density for each of them, sorted by x, y and z. Corners in a plane of x are
+//! adjacent, so duplicates are removed plane by plane.
 
 use super::octree::{Cube, SIDE};
 use crate::base::error::{Place, Result};
@@ -25,15 +25,15 @@ fn four(cube: Cube) -> [u64; 4] {
 pub(super) struct Corners {
     /// The numbers of each voxel's corners, x slowest. They count distinct corners by x, y and z.
     pub(super) of_voxels: Vec<[u32; 8]>,
-    /// How many there are.
+    /// Their number.
     pub(super) count: usize,
 }
 
-/// Planes whose corners are told apart before their numbers are stored: they wait in memory.
+/// Planes that are deduplicated before their numbers are stored; they wait in memory.
 const PLANES: usize = 64;
 
 impl Corners {
-    /// Tells the corners of voxels apart.
+    /// Finds the distinct corners of voxels.
     ///
     /// # Errors
     /// `OverLimit` for more memory than the budget has.
@@ -53,7 +53,7 @@ impl Corners {
             budget.zeroed(cubes.len(), "bytes of corners", &place)?;
         let mut all = 0;
         for planes in used.chunks(PLANES) {
-            // Numbers within a plane, and how many it has.
+            // Numbers within a plane, and their count.
             let found = parallel::map(planes.len(), |at| {
                 let x = planes.get(at).copied().unwrap_or(0);
                 let keys = distinct(x);
@@ -84,7 +84,7 @@ impl Corners {
     }
 }
 
-/// The voxels that have corners in each plane of x.
+/// The voxels with corners in each plane of x.
 struct Members {
     /// The first member of each plane, and the end of the last one.
     starts: Vec<usize>,

@@ -1,17 +1,18 @@
-//! Densities that look with many short steps as a voxel looks with its few samples.
+//! Densities for many short steps that match the look of a voxel with few samples.
 //!
-//! SVRaster samples a voxel in the middle of its chord, and densities grow exponentially towards a
-//! surface: the middle has less than the mean. A field is marched with steps shorter than voxels, so
-//! with the file's own densities it would be too dense. So the densities at corners are corrected by
-//! what rays through the voxels around a corner show, once; more passes were no better:
+//! SVRaster samples a voxel in the middle of its chord. Densities grow exponentially towards a
+//! surface, so the middle has less than the mean. A field is marched with steps shorter than
+//! voxels, so the file's own densities would be too high. The densities at corners are therefore
+//! corrected once, from rays through the voxels around a corner; more passes were no better:
 //!
 //! ```text
 //! density of a corner *= sum over rays of w (1 - exp(-depth by few samples))
 //!                      / sum over rays of w (1 - exp(-depth by many steps))
 //! ```
 //!
-//! Each voxel has twelve rays: along each axis, through two places along each other axis. `w` is how
-//! near a ray is to the corner. Densities are logits here, which is how a field interpolates them.
+//! Each voxel has twelve rays: along each axis, through two places along each other axis. `w` is
+//! the proximity of a ray to the corner. Densities are logits here, because a field interpolates
+//! logits.
 
 use std::sync::Arc;
 
@@ -22,14 +23,14 @@ use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::activate;
 
-/// Optical depth per world unit of a softplus of 1. The file's densities are an exponential up to
-/// 110, and a line beyond; a softplus bends there, too, and most like it with this one.
+/// Optical depth per world unit of a softplus of 1. The file's densities are exponential up to 110,
+/// then linear; with this value, a softplus bends most similarly.
 pub(super) const SCALE: f64 = 250.0;
-/// Steps of a voxel that stand for many.
+/// Number of steps of a voxel that approximates many.
 const STEPS: u32 = 4;
-/// Shares of an edge that two samples take.
+/// Positions of two samples, as shares of an edge.
 const PAIR: [f64; 2] = [0.211_324_865_405_187, 0.788_675_134_594_813];
-/// Voxels that a thread takes at a time, and how many of such parts wait in memory.
+/// Voxels per thread and batch, and the number of batches in memory.
 const CHUNK: usize = 1 << 14;
 const CHUNKS: usize = 16;
 
@@ -56,7 +57,7 @@ impl VoxelFile {
     }
 }
 
-/// Logits of the densities at distinct corners. Voxels have so many `samples` by their own rules.
+/// Logits of the densities at distinct corners. Voxels have this many `samples` by their own rules.
 fn logits(voxels: &Voxels, cubes: &[Cube], unit: f64, samples: u32) -> Result<Vec<f32>> {
     let mut logits: Vec<f32> =
         voxels.table().iter().map(|raw| logit(density(f64::from(*raw)))).collect();
@@ -123,7 +124,7 @@ fn of_voxel(raw: &[f32; 8], logits: &[f32; 8], length: f64, samples: u32) -> Sum
     sums
 }
 
-/// The mean of values in the middle of even parts of an edge.
+/// The mean of values in the middle of equal parts of an edge.
 fn mean(count: u32, value: impl Fn(f64) -> f64) -> f64 {
     let places = (0..count).map(|part| (f64::from(part) + 0.5) / f64::from(count));
     places.map(value).sum::<f64>() / f64::from(count)

@@ -17,7 +17,7 @@ use crate::model::harmonics::{BAND_0, FUNCTIONS, Harmonics};
 
 /// Bytes of planes of colours that are kept, at most, beside the last few.
 const KEPT_BYTES: usize = 128 << 20;
-/// Planes that are kept whatever their size: threads read one each.
+/// Minimum number of cached planes: one per thread.
 const KEPT_PLANES: usize = 4;
 
 /// A plane's x in edges of the smallest voxels.
@@ -68,7 +68,7 @@ impl NodeValues for BoxDensity {
     }
 }
 
-/// The last planes that were wanted.
+/// The most recently used planes.
 type Kept = Mutex<VecDeque<(usize, Arc<NodeColors>)>>;
 
 /// Harmonics of a box.
@@ -76,13 +76,13 @@ type Kept = Mutex<VecDeque<(usize, Arc<NodeColors>)>>;
 pub(super) struct BoxColors {
     file: Arc<VoxelFile>,
     plan: BoxPlan,
-    /// The rules that make colours of those of band 0, for colours that do not depend on the view.
+    /// The rules from band 0 to colours, for view-independent colours.
     plain: Option<Harmonics>,
     means: Kept,
     sharpened: Kept,
 }
 
-/// A plane's colours. Two threads that want the same one may both find it.
+/// A plane's colours. Two threads that request the same plane may both compute it.
 fn plane(
     kept: &Kept,
     x: usize,
@@ -144,7 +144,7 @@ impl NodeValues for BoxColors {
     }
 
     fn digest(&self, _: &mut dyn FnMut(&[u8])) -> Result<()> {
-        // The density's stands for the whole file.
+        // The digest of density covers the whole file.
         Ok(())
     }
 

@@ -10,12 +10,12 @@ use crate::tensor::{FileKind, Tensor, TensorFile, Value};
 
 /// Raw densities at corners.
 const CORNERS: &str = "_geo_grid_pts";
-/// Where the codebook's and the paths' names differ from other programs'.
+/// Alternative names of codebooks and paths in other programs.
 const KEYS: [&str; 3] = ["octpath", "octlevel", "_sh0"];
 /// Entries of a codebook, at most: indices are bytes.
 const BOOK: u64 = 256;
 
-/// True for a file of SVRaster's, or one that svraster-webgl made of it.
+/// True for a file of SVRaster, or one that svraster-webgl converted.
 pub fn knows(file: &TensorFile) -> bool {
     match file.kind {
         FileKind::Ply => file.root.at(&["properties", "octlevel"]).is_some(),
@@ -39,7 +39,7 @@ pub(super) struct Arrays {
     pub(super) levels: Tensor,
     /// Raw densities at corners, one number a row.
     pub(super) corners: Numbers,
-    /// Parts of harmonics, side by side: the first column of each, and its numbers.
+    /// Parts of harmonics, side by side: the first column of each, and its values.
     pub(super) harmonics: Vec<(usize, Numbers)>,
     pub(super) voxels: usize,
     columns: usize,
@@ -76,7 +76,7 @@ impl Stored {
         }
     }
 
-    /// The harmonics of all voxels: rows of `width` numbers, of each as many as there are.
+    /// The harmonics of all voxels, in rows of `width` numbers; longer ones are cut.
     pub(super) fn harmonics(&self, width: usize, out: &mut [f32]) -> Result<()> {
         match self {
             Self::Ply(rows) => rows.harmonics(width, out),
@@ -87,7 +87,7 @@ impl Stored {
         }
     }
 
-    /// Shows samples of the bytes, for a digest.
+    /// Visits samples of the bytes, for a digest.
     pub(super) fn sample(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         match self {
             Self::Ply(rows) => rows.sample(hash),
@@ -108,7 +108,8 @@ impl Numbers {
         }
     }
 
-    /// Of an array, or of a dictionary of `index` and `codebook`; so many numbers a row.
+    /// From an array, or from a dictionary of `index` and `codebook`, with this many numbers per
+    /// row.
     fn find(value: Option<&Value>, name: &str, width: usize, limits: &Limits) -> Result<Self> {
         let expected = "numbers, or a dictionary of index and codebook";
         let place = Place::Key(name.to_owned());
@@ -227,7 +228,8 @@ impl Arrays {
             budget.zeroed(self.voxels, "bytes of voxels", &self.paths.place())?;
         let mut levels: Vec<u8> =
             budget.zeroed(self.voxels, "bytes of voxels", &self.levels.place())?;
-        // Paths have 48 bits, which float64 holds; no cast of others ends below 2^48.
+        // Paths have 48 bits, which float64 represents exactly; other values do not cast to below
+        // 2^48.
         #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
         let whole = |value: f64| if value < 0.0 { u64::MAX } else { value as u64 };
         let stored = self.paths.read_f64(budget)?;

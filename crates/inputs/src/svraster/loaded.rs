@@ -87,7 +87,7 @@ impl VoxelFile {
     }
 }
 
-/// Refuses more voxels than their numbers can count, and none.
+/// Refuses zero voxels, and more than their numbers can count.
 pub(super) fn check_count(voxels: usize) -> Result<()> {
     let place = Place::Tensor("octpath".to_owned());
     if voxels == 0 {
@@ -125,7 +125,7 @@ impl Voxels {
         self.of_voxels.get(voxel as usize).copied().unwrap_or_default()
     }
 
-    /// Values of a table of distinct corners at a voxel's own, x slowest.
+    /// Values of a table of distinct corners at a voxel's corners, x slowest.
     #[inline]
     pub(super) fn at_corners(&self, table: &[f32], voxel: u32) -> [f32; 8] {
         self.numbers(voxel).map(|corner| table.get(corner as usize).copied().unwrap_or(0.0))
@@ -155,10 +155,10 @@ impl Voxels {
     }
 }
 
-/// Raw densities at distinct corners, of those that each voxel states.
+/// Raw densities at distinct corners, from those that each voxel states.
 ///
 /// # Errors
-/// `Malformed` where voxels state different densities at a corner that they share.
+/// `Malformed` if voxels state different densities at a shared corner.
 fn table(
     of_voxels: &[[f32; 8]],
     numbers: &[[u32; 8]],

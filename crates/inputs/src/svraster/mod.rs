@@ -2,10 +2,10 @@
 //!
 //! Sources: the code of SVRaster (2025) and of GeoSVR (2026), and svraster-webgl's PLY files.
 //!
-//! **File.** Voxels have a path, three bits for each of up to 16 levels with x highest, and a level.
-//! Raw densities stand at the distinct corners of all voxels, sorted by x, y and z. Each voxel has
-//! harmonics of up to degree 3, of which a training uses the first `active_sh_degree`. A quantized
-//! file has numbers of entries in codebooks instead.
+//! **File.** Voxels have a path, three bits for each of up to 16 levels with x highest, and a
+//! level. Raw densities belong to the distinct corners of all voxels, sorted by x, y and z. Each
+//! voxel has harmonics of up to degree 3; training uses those up to `active_sh_degree`. A quantized
+//! file has codebook indices instead.
 //!
 //! ```text
 //! edge of a voxel = scene_extent / 2^level
@@ -16,14 +16,14 @@
 //! ```
 //!
 //! **Rays** by its own rules ([`model`]) meet voxels in order. A voxel has one sample or a few, in
-//! the middle of even parts of its chord.
+//! the middle of equal parts of its chord.
 //!
-//! **Field.** Nodes of a box are corners of the octree's cells of one level ([`plan`]), so a voxel of
-//! that size or larger has the values that it has in the file at all of its nodes. Smaller voxels
-//! are averaged: optical depths by volume, colours by the light that they stop. Colours are constant
-//! within a voxel, those of nodes are means of the voxels around them, by the same weights
-//! ([`plane`]). A free-space mask of the leaves keeps the density of shared corners from empty cells.
-//! What lies around the inner box is held by boxes around each other ([`crate::nested`]).
+//! **Field.** Nodes of a box are corners of the octree's cells of one level ([`plan`]), so a voxel
+//! of that size or larger keeps its densities at all of its nodes. Smaller voxels are averaged:
+//! optical depths by volume, colours by absorbed light. Colours are constant within a voxel; those
+//! of nodes are means of the voxels around them, with the same weights ([`plane`]). A free-space
+//! mask of the leaves keeps the density of shared corners from empty cells. Nested boxes hold the
+//! surroundings of the inner box ([`crate::nested`]).
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

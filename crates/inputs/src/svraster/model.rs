@@ -6,9 +6,8 @@
 //! colour         of the direction from the camera to the voxel's middle
 //! ```
 //!
-//! Voxels are met one after the other: a ray goes from a cube of the octree, full or empty, to the
-//! next one through the face where it leaves. Places are whole numbers, so no step is lost in
-//! rounding.
+//! A ray visits the cubes of the octree, full or empty, in order: each next one through the face
+//! where it leaves. Places are integers, so no step is lost in rounding.
 
 use std::sync::Arc;
 
@@ -27,16 +26,16 @@ use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
 /// The highest opacity of a voxel.
 const MOST_OPACITY: f64 = 0.99999;
-/// Voxels of a lower opacity are left out.
+/// Voxels of a lower opacity are skipped.
 const LEAST_OPACITY: f64 = 0.00001;
-/// Rays end behind the voxel that leaves less light than this.
+/// Rays end behind the voxel at which the transmittance falls below this.
 const OPAQUE: f64 = 0.0001;
-/// Voxels whose middle is nearer to the camera than this are left out.
+/// Voxels whose middle is closer to the camera than this are skipped.
 pub(super) const NEAR: f32 = 0.02;
-/// Stands for 0 in a direction.
+/// Replaces 0 in a direction.
 const NEARLY_ZERO: f64 = 1e-300;
 
-/// A file and how its pictures are made, ready to be loaded.
+/// A file and its rendering settings, ready to be loaded.
 #[derive(Debug)]
 pub(super) struct ModelFile {
     pub(super) file: Arc<VoxelFile>,
@@ -95,7 +94,7 @@ impl SvRaster {
     }
 }
 
-/// The whole number below, of a place within the octree.
+/// Rounds a place within the octree down.
 #[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
 fn whole(at: f64) -> u32 {
     (at.max(0.0) as u32).min(SIDE - 1)
@@ -115,11 +114,11 @@ fn corners(cube: Cube) -> [[f64; 3]; 2] {
     [low, low.map(|low| low + f64::from(cube.edge))]
 }
 
-/// A cube of the finest level behind the face through which a ray leaves a cube, and none where the
+/// A cube of the finest level behind the face through which a ray leaves a cube, and none if the
 /// octree ends.
 fn behind(cube: Cube, origin: [f64; 3], direction: [f64; 3], exit: f64) -> Option<[u32; 3]> {
     let [low, high] = corners(cube);
-    // The axis whose face is met first.
+    // The axis of the first face on the way.
     let leaves = |axis: usize| {
         let by = direction.get(axis).copied().unwrap_or(0.0);
         let face = if by > 0.0 { high } else { low };

@@ -17,7 +17,7 @@ pub(super) fn unit(extent: f64) -> f64 {
 const NONE: u32 = u32::MAX;
 /// Set in children that are leaves; the rest is the voxel's number.
 const LEAF: u32 = 1 << 31;
-/// Most voxels: their numbers leave room for [`LEAF`] and [`NONE`].
+/// Maximum voxels: their numbers leave room for [`LEAF`] and [`NONE`].
 pub(super) const MOST_VOXELS: u64 = (LEAF - 1) as u64;
 
 /// A voxel's place: its lowest corner and edge, in edges of the smallest voxels.
@@ -49,7 +49,7 @@ impl Cube {
         path
     }
 
-    /// One of the eight cubes that this one is made of, x highest.
+    /// One of the eight parts of this cube, x highest.
     pub(super) fn child(&self, number: u32) -> Self {
         let edge = self.edge / 2;
         let mut corner = self.corner;
@@ -79,11 +79,11 @@ pub(super) struct Octree {
 }
 
 impl Octree {
-    /// Of voxels with paths and levels.
+    /// From the paths and levels of voxels.
     ///
     /// # Errors
-    /// `Malformed` for levels out of range, paths with bits below the voxel's level, and voxels that
-    /// overlap; `OverLimit` for more memory than the budget has.
+    /// `Malformed` for levels out of range, paths with bits below the voxel's level, and voxels
+    /// that overlap; `OverLimit` for more memory than the budget has.
     pub(super) fn new(paths: &[u64], levels: &[u8], budget: &mut Budget) -> Result<Self> {
         let place = Place::Tensor("octpath".to_owned());
         let mut order: Vec<u32> = budget.zeroed(paths.len(), "bytes of an octree", &place)?;
@@ -118,7 +118,7 @@ impl Octree {
         Ok(tree)
     }
 
-    /// The part of the tree whose voxels these are, in order, `depth` levels below the root.
+    /// The part of the tree with these voxels, in order, `depth` levels below the root.
     fn build(
         &mut self,
         mut order: &[u32],
@@ -136,7 +136,7 @@ impl Octree {
         budget.spend(32, "bytes of an octree", &Place::Tensor("octpath".to_owned()))?;
         let number = number.unwrap_or(0);
         self.nodes.push([NONE; 8]);
-        // Voxels do not overlap, so none of several ends here, and depths end at 16.
+        // Voxels do not overlap, so several voxels cannot end here, and depths end at 16.
         let shift = 3 * LEVELS.saturating_sub(depth + 1);
         for child in 0..8u64 {
             let count = order.partition_point(|&voxel| path(voxel) >> shift & 7 <= child);
@@ -162,7 +162,7 @@ impl Octree {
         parts.into_iter().zip(0..).map(move |(child, number)| (part(child), cube.child(number)))
     }
 
-    /// The smallest part that holds a cube of the finest level, and its place: a voxel or nothing.
+    /// The smallest part around a cube of the finest level, a voxel or nothing, and its place.
     pub(super) fn find(&self, at: [u32; 3]) -> (Option<u32>, Cube) {
         let (mut found, mut cube) = (self.root, Cube::ROOT);
         while let Part::Node(node) = part(found) {
@@ -181,7 +181,7 @@ impl Octree {
     }
 }
 
-/// Bits 0, 3, 6 and so on, side by side.
+/// Bits 0, 3, 6 and so on, compacted.
 fn every_third(bits: u64) -> u32 {
     let mut bits = bits & 0x1249_2492_4924_9249;
     for (shift, mask) in [

@@ -24,8 +24,8 @@ use crate::options::{SourceOptions, ViewChoice};
 use crate::source::{Assumption, Family, SideFile, Source};
 use crate::tensor::TensorFile;
 
-/// Step length in voxels of the field, and of one with a world around it: densities rise so steeply
-/// there, towards voxels that show the sky, that half a voxel is seen as rings.
+/// Step length in voxels of the field, and of one with a world around it. There, densities rise so
+/// steeply towards voxels of the sky that half a voxel would show rings.
 const STEPSIZE: [f32; 2] = [0.5, 0.25];
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;

@@ -1,10 +1,10 @@
-//! Which cells of the octree are the boxes' own.
+//! The choice of the octree's cells for boxes.
 //!
-//! Box 0 is the inner box, and each next one reaches twice as far with nodes twice as far apart: all
-//! have as many. Nodes of box 0 are corners of the octree's cells of one level. That level is the
-//! finest at which the boxes have at most [`MOST_CELLS`] times as many cells in voxels as there are
-//! voxels, and [`MOST_NODES`] along an edge: larger voxels are made of many cells, and smaller ones
-//! are averaged.
+//! Box 0 is the inner box, and each next one is twice as large with twice the node distance, so all
+//! have the same number of nodes. Nodes of box 0 are corners of the octree's cells of one level.
+//! That level is the finest at which the boxes have at most [`MOST_CELLS`] times as many cells in
+//! voxels as there are voxels, and [`MOST_NODES`] along an edge: larger voxels span many cells, and
+//! smaller ones are averaged.
 
 use super::octree::{Cube, LEVELS, SIDE};
 use crate::base::error::{Error, Place, Result};
@@ -14,12 +14,12 @@ use crate::model::grid::{Bounds, Nodes};
 
 use super::settings::Settings;
 
-/// Cells in voxels, at most, in numbers of voxels.
+/// Maximum ratio of cells in voxels to voxels.
 const MOST_CELLS: f64 = 16.0;
-/// Nodes along an edge, at most, that nobody asked for: a bake of twice as many needs four times the
-/// memory, which is 10 GB for harmonics of degree 3.
+/// Default maximum of nodes along an edge: a bake of twice as many needs four times the memory,
+/// which is 10 GB for harmonics of degree 3.
 const MOST_NODES: u64 = 513;
-/// Doublings of a box that no file states are found among these.
+/// Range of the search for a box's doublings, if the file does not state them.
 const MOST_GUESSED: u32 = 8;
 
 /// The nodes of a box: corners of the octree's cells of one level.
@@ -53,7 +53,7 @@ impl BoxPlan {
     }
 }
 
-/// Boxes, and what they were found from.
+/// Boxes, and the data that determined them.
 #[derive(Debug)]
 pub(super) struct Plan {
     /// The inner box first.
@@ -62,7 +62,7 @@ pub(super) struct Plan {
     pub(super) averaged: u64,
 }
 
-/// How often the inner box has to be doubled.
+/// Number of doublings of the inner box.
 pub(super) fn doublings(settings: &Settings, stated: Option<u32>, cubes: &[Cube]) -> Result<u32> {
     let Some(inside) = settings.inside else {
         return Ok(stated.unwrap_or_else(|| guessed(cubes)));
@@ -87,7 +87,7 @@ fn guessed(cubes: &[Cube]) -> u32 {
     (0..=MOST_GUESSED).min_by(|a, b| cells(a).total_cmp(&cells(b))).unwrap_or(0)
 }
 
-/// Voxels by the level of box 0's nodes from which on they need not be averaged.
+/// Number of voxels by the level of box 0's nodes from which on they are not averaged.
 struct Counts([f64; 2 * LEVELS as usize + 1]);
 
 impl Counts {
@@ -128,7 +128,7 @@ fn powers(level: u32, own: u32) -> i32 {
     i32::try_from(level.saturating_sub(own)).unwrap_or(0)
 }
 
-/// The number of the smallest box that holds a voxel's middle.
+/// The number of the smallest box around a voxel's middle.
 fn number_of_box(cube: &Cube, doublings: u32) -> u32 {
     let away = cube.corner.iter().map(|corner| (2 * corner + cube.edge).abs_diff(SIDE)).max();
     let away = away.unwrap_or(0);
@@ -137,7 +137,7 @@ fn number_of_box(cube: &Cube, doublings: u32) -> u32 {
 
 impl Plan {
     /// The boxes up to one that reaches `extent` half sides of the inner one. `resolution` asks for
-    /// so many nodes along an edge of the inner box, or a few more.
+    /// this many nodes along an edge of the inner box, or a few more.
     pub(super) fn new(
         cubes: &[Cube],
         doublings: u32,

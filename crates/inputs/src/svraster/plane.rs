@@ -1,9 +1,9 @@
 //! The voxels that touch a plane of a box, and densities at its nodes.
 //!
-//! A voxel as large as the cells around a node, or larger, says the node's raw density; of several
-//! the smallest, whose own corner it is. Around a node with smaller voxels the density is a mean over
-//! the node's cell, which reaches half way to the next nodes. Cells are halved along each axis: such
-//! an eighth of a cell lies within one voxel, or is made of smaller ones.
+//! A voxel at least as large as the cells around a node gives the node's raw density; of several,
+//! the smallest one, which has the node as its own corner. If the voxels around a node are smaller,
+//! the density is a mean over the node's cell, which reaches half way to the next nodes. Cells are
+//! halved along each axis: an eighth of a cell lies within one voxel, or consists of smaller ones.
 
 use super::density::{between, density};
 use super::even::logit;
@@ -14,7 +14,7 @@ use super::plan::BoxPlan;
 /// Shares of a voxel's edge at which its mean density is sampled.
 const QUARTERS: [f64; 2] = [0.211324865405, 0.788675134595];
 
-/// Nodes of a plane, and where a voxel touches them.
+/// Nodes of a plane that a voxel touches.
 pub(super) struct Touch {
     pub(super) voxel: u32,
     pub(super) cube: Cube,
@@ -23,7 +23,7 @@ pub(super) struct Touch {
     z: [usize; 2],
 }
 
-/// A voxel that is smaller than cells, and the node whose cell holds it.
+/// A voxel smaller than a cell, and the node of its cell.
 pub(super) struct Small {
     pub(super) voxel: u32,
     pub(super) cube: Cube,
@@ -37,7 +37,7 @@ pub(super) struct Touching {
 }
 
 impl Touching {
-    /// Those of the plane whose nodes have this x, in edges of the smallest voxels.
+    /// For the plane of nodes at this x, in edges of the smallest voxels.
     pub(super) fn find(voxels: &Voxels, plan: &BoxPlan, x: u32) -> Self {
         let mut found = Self { large: Vec::new(), small: Vec::new() };
         found.visit(voxels, plan, x, voxels.tree.root());
@@ -67,7 +67,7 @@ impl Touching {
                         self.visit(voxels, plan, x, (part, child));
                         continue;
                     }
-                    // The node of an eighth is the corner of the cell that it has.
+                    // The node of an eighth is its corner of the cell.
                     let mut at = child.corner;
                     let axes = at.iter_mut().zip(cube.corner);
                     axes.for_each(|(at, low)| *at = if *at > low { low + cube.edge } else { low });
@@ -124,7 +124,7 @@ impl Touch {
         [node(low_y, low_z), node(low_y, high_z), node(high_y, low_z), node(high_y, high_z)]
     }
 
-    /// The eighths of a node's cell that the voxel holds, and the place of one of them.
+    /// The eighths of a node's cell in the voxel, and the place of one of them.
     pub(super) fn eighths(&self, at: [u32; 3], edge: u32) -> (f64, [f64; 3]) {
         let (mut count, mut middle) = (1.0, [0.0; 3]);
         let quarter = 0.25 * f64::from(edge);
@@ -156,7 +156,7 @@ pub(super) fn mean_density(voxels: &Voxels, voxel: u32) -> f64 {
     sum / 8.0
 }
 
-/// Logits of densities at the nodes of a plane that voxels touch, each told to `out`. `logits` are
+/// Passes logits of densities at the nodes of a plane that voxels touch to `out`. `logits` are
 /// those of distinct corners.
 pub(super) fn densities(
     voxels: &Voxels,
@@ -172,7 +172,7 @@ pub(super) fn densities(
         let means = means.as_ref();
         means.and_then(|means| means.get(node)).is_some_and(|mean| *mean >= 0.0)
     };
-    // Edges of the voxels that nodes have their value of.
+    // Edges of the voxels that gave nodes their values.
     let mut smallest = vec![u32::MAX; count];
     for touch in &touching.large {
         let [low_x, low_y, low_z] = touch.cube.corner;

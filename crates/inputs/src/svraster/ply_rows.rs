@@ -1,8 +1,8 @@
 //! The voxels of svraster-webgl's PLY files.
 //!
-//! Each vertex is a voxel: its middle, the lower half of its path, its level, harmonics (function by
-//! function, each red, green and blue) and the raw densities at its corners. The middle and the level
-//! say where it is.
+//! Each vertex is a voxel: its middle, the lower half of its path, its level, harmonics (function
+//! by function, each red, green and blue) and the raw densities at its corners. The middle and the
+//! level give its place.
 
 use std::sync::Arc;
 
@@ -13,13 +13,13 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget};
 use crate::tensor::{TensorFile, Value};
 
-/// The remedy for PLY files without densities of their own at corners.
+/// The remedy for PLY files without separate densities at corners.
 pub(super) const DAMAGED: &str =
     "a converter under NumPy 2 loses the densities at corners: bake the .pt file itself";
 /// Bytes that are read at once, at most.
 const READ_BYTES: usize = 1 << 22;
 
-/// Where the numbers of a voxel stand.
+/// Offsets of the numbers of a voxel.
 #[derive(Debug)]
 pub(super) struct PlyRows {
     file: Arc<SourceFile>,
@@ -115,7 +115,7 @@ impl PlyRows {
     /// The places and corners of voxels.
     ///
     /// # Errors
-    /// `Malformed` for a middle that is that of no cube of its level.
+    /// `Malformed` for a middle that does not belong to a cube of its level.
     pub(super) fn voxels(&self, settings: &Settings, budget: &mut Budget) -> Result<PlyVoxels> {
         let place = Place::Key("properties.x".to_owned());
         let mut cubes = budget.zeroed(self.count, "bytes of voxels", &place)?;
@@ -161,7 +161,7 @@ impl PlyRows {
         Ok(PlyVoxels { cubes, levels, corners })
     }
 
-    /// The harmonics of all voxels, of each the first numbers of `out`'s rows.
+    /// The harmonics of all voxels, cut to the rows of `out`.
     pub(super) fn harmonics(&self, width: usize, out: &mut [f32]) -> Result<()> {
         self.for_each(|number, row| {
             let out = out.get_mut(number * width..(number + 1) * width).unwrap_or_default();
@@ -170,7 +170,7 @@ impl PlyRows {
         })
     }
 
-    /// Shows samples of the bytes, for a digest.
+    /// Visits samples of the bytes, for a digest.
     pub(super) fn sample(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()> {
         let (size, samples) = (self.stride.min(4096) as u64, 64);
         let all = (self.count * self.stride) as u64;

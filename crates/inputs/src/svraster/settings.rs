@@ -1,4 +1,4 @@
-//! What a file states once.
+//! Global values of a file.
 
 use crate::base::error::{Error, Place, Result};
 use crate::tensor::{FileKind, TensorFile, Value};
@@ -14,12 +14,12 @@ pub(super) struct Settings {
     pub(super) inside: Option<f64>,
     /// Degree of the harmonics that are used, if it is stated.
     pub(super) degree: Option<usize>,
-    /// Size of pictures that are made smaller afterwards, in their own; GeoSVR's.
+    /// GeoSVR's supersampling factor of pictures.
     pub(super) supersampling: Option<f64>,
 }
 
-/// Refuses another number of harmonics than degrees 0 to 3 have. `columns` counts those of all three
-/// colour channels.
+/// Refuses a number of harmonics that is not that of degree 0 to 3. `columns` counts those of all
+/// three colour channels.
 pub(super) fn check_harmonics(columns: usize, place: &Place) -> Result<()> {
     if [3, 12, 27, 48].contains(&columns) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! A tensor that lies in a file: type, sizes, strides, and where its bytes are.
+//! A tensor in a file: type, sizes, strides, and the place of its bytes.
 //!
 //! Element `(i0, i1, ...)` is element `first + i0 * strides[0] + i1 * strides[1] + ...` of the
 //! storage. Every size, stride and offset is checked against the storage's length when the tensor
@@ -33,7 +33,7 @@ impl Tensor {
     /// A strided tensor over `data`.
     ///
     /// # Errors
-    /// `Malformed` where it would reach beyond `data`, `Overflow` where its sizes do.
+    /// `Malformed` if it would reach beyond `data`, `Overflow` if its sizes overflow.
     pub fn new(
         name: String,
         element: Element,
@@ -83,10 +83,10 @@ impl Tensor {
         Self::new(name, element, shape, strides, 0, data)
     }
 
-    /// A tensor whose numbers are of a kind that is not read, told in `what`. Its shape is as stated.
+    /// A tensor of an unsupported kind, which `what` names, with its stated shape.
     ///
     /// # Errors
-    /// `Overflow` where its sizes do.
+    /// `Overflow` if its sizes overflow.
     pub fn unread(name: String, shape: Vec<u64>, what: String) -> Result<Self> {
         let count = limits::product(&shape, "element count", &Place::Tensor(name.clone()))? as u64;
         let data = Data::Unread(Unread { tensor: name.clone(), what }.into());
@@ -94,7 +94,7 @@ impl Tensor {
         Ok(Self { name, element: Element::F32, shape, strides, first: 0, count, data })
     }
 
-    /// The kind of a tensor that is not read.
+    /// The kind of an unsupported tensor.
     pub fn unread_kind(&self) -> Option<&str> {
         match &self.data {
             Data::Unread(unread) => Some(&unread.what),
@@ -102,7 +102,7 @@ impl Tensor {
         }
     }
 
-    /// Refuses a tensor that is not read.
+    /// Refuses an unsupported tensor.
     pub(super) fn check_read(&self) -> Result<()> {
         match &self.data {
             Data::Unread(unread) => Err(unread.error()),
@@ -130,7 +130,7 @@ impl Tensor {
         self.count
     }
 
-    /// Bytes of its elements; none of those that are not read.
+    /// Bytes of its elements; none for unsupported kinds.
     pub fn bytes(&self) -> u64 {
         if self.unread_kind().is_some() {
             return 0;
@@ -148,7 +148,7 @@ impl Tensor {
         }
     }
 
-    /// True if its bytes have to be inflated to be read.
+    /// True if its bytes must be inflated for reading.
     pub fn is_compressed(&self) -> bool {
         matches!(self.data, Data::Deflated { .. })
     }
@@ -157,7 +157,7 @@ impl Tensor {
     /// bytes.
     ///
     /// # Errors
-    /// `Malformed` where it has no two axes, or fewer numbers on them.
+    /// `Malformed` for fewer than two axes, or too few numbers on them.
     pub fn part(&self, number: u64, range: Range<u64>) -> Result<Self> {
         let mut part = self.clone();
         let (Some(parts), Some(count), Some(&[by, step])) = (
@@ -173,7 +173,7 @@ impl Tensor {
             let expected = format!("parts up to {number}, and components up to {}", range.end);
             return Err(Error::malformed(self.place(), found, expected));
         }
-        // Both are inside of an array that has elements, for each of them was checked.
+        // Both are inside the array if it has elements, because each of them was checked.
         if self.count > 0 {
             part.first += number * by + range.start * step;
         }
@@ -243,8 +243,8 @@ impl Tensor {
             }
             let axes = index.iter_mut().zip(&self.shape).zip(&self.strides);
             for ((i, &nodes), &stride) in axes.rev() {
-                // The stride of an axis of one node may be any number; its addend here is taken
-                // back below.
+                // The stride of an axis of one node may be any number; its addend is subtracted
+                // again below.
                 *i += 1;
                 at = at.wrapping_add(stride);
                 if *i < nodes {

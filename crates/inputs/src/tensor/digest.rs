@@ -1,8 +1,8 @@
-//! A digest of an input that needs no full read.
+//! A digest of an input without a full read.
 //!
-//! SHA-256 over the parts that a tensor file is opened with. Of a zip archive these are the names,
-//! sizes and checksums of its directory, which stand for all bytes, and the pickle or the array
-//! headers; of a safetensors file, which has no checksums, the header alone.
+//! SHA-256 over the parts that a tensor file is opened with. For a zip archive, these are the
+//! names, sizes and checksums of its directory, which cover all bytes, and the pickle or the array
+//! headers; for a safetensors file, which has no checksums, only the header.
 
 pub(super) use crate::base::bytes::Digest;
 

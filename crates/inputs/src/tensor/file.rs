@@ -37,8 +37,8 @@ impl TensorFile {
         }
     }
 
-    /// The metadata of the container that the file was unpacked from, as a text. Unpacked containers
-    /// are known by it.
+    /// The metadata of the container that the file was unpacked from, as a text. It identifies
+    /// unpacked containers.
     pub fn unpacked_metadata(&self) -> Option<&str> {
         self.metadata("mipvog")
     }

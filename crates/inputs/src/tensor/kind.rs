@@ -1,4 +1,4 @@
-//! Tells the kind of a file by its first bytes.
+//! Detects the kind of a file from its first bytes.
 
 use super::msgpack::packing;
 use super::syntaxes::syntax_of;
@@ -14,7 +14,7 @@ pub fn is_tensors(file: &SourceFile) -> Result<bool> {
     Ok(syntax_of(file, &start(file)?)?.is_some())
 }
 
-/// Names the kind of a file, as far as its start tells.
+/// Names the kind of a file, if its start reveals it.
 ///
 /// # Errors
 /// If its start cannot be read.

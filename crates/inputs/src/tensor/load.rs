@@ -1,11 +1,10 @@
-//! Bytes of a storage into memory, their checksum verified where that is cheap.
+//! Loads bytes of a storage into memory, and verifies their checksum if that is cheap.
 
 use crate::base::bytes::Storage;
 use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget};
 
-/// Storages up to this many bytes are read whole when a part of them is needed, so that their
-/// checksum can be verified.
+/// Storages of up to this many bytes are always read whole, so that their checksum can be verified.
 const SMALL: u64 = 1 << 20;
 
 /// Reads elements `start..end` of `storage`; verifies its checksum if that takes no more than

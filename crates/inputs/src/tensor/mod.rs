@@ -2,11 +2,11 @@
 //! the start of OpenVDB files; and texts
 //! that describe a folder of pictures.
 //!
-//! This module knows syntax only; [`crate::checkpoint`] knows the meaning of names. A file's
-//! kind is told by its content. Opening reads directories, headers and the pickle, never a tensor:
+//! This module knows syntax only; [`crate::checkpoint`] knows the meaning of names. A file's kind
+//! is detected from its content. Opening reads directories, headers and the pickle, never a tensor:
 //! each [`Tensor`] states the place of its bytes, checked against the file, and is read by position
-//! on request. Nothing in a file can run: the pickle is interpreted by `pickle`, which knows only
-//! the instructions that state dictionaries use.
+//! on request. No code in a file can run: `pickle` interprets only the instructions that state
+//! dictionaries use.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

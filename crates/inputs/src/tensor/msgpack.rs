@@ -1,9 +1,9 @@
 //! MessagePack documents, plain or inside of zlib or gzip, as Instant-NGP writes its snapshots.
 //!
 //! Opening reads everything but binary values, which become tensors of bytes that stay in the file;
-//! a packed document is inflated into a nameless file in the folder for temporary files. Extension
-//! types are refused. Nothing is allocated on a length's word: strings are held against the file's
-//! length first, lists and maps grow as their items are read.
+//! a packed document is inflated into an unnamed file in the folder for temporary files. Extension
+//! types are refused. Stated lengths are never trusted for allocation: strings are checked against
+//! the file's length first, and lists and maps grow as their items are read.
 
 use std::io::{ErrorKind as IoError, Read, Write};
 use std::sync::Arc;
@@ -23,11 +23,11 @@ use crate::base::file_kind::{is_document, start};
 use crate::base::limits::{self, Budget, LimitName, Limits};
 use crate::model::grid::Element;
 
-/// Lists and maps inside of each other, at most.
+/// Maximum depth of nested lists and maps.
 const DEPTH: u32 = 64;
 /// Bytes that are read at once.
 const PIECE: u64 = 1 << 16;
-/// Inflated bytes that tell a document.
+/// Inflated bytes that identify a document.
 const START: usize = 16;
 
 /// The form of a document.
@@ -38,7 +38,7 @@ pub(super) enum Packing {
     Gzip,
 }
 
-/// The form of a file that starts so, if it is a document: a map whose first key is a word.
+/// The form of a document with this start: a map whose first key is a word.
 pub(super) fn packing(start: &[u8]) -> Option<Packing> {
     let inflated = |decoder: &mut dyn Read| {
         let (mut out, mut count) = ([0; START], 0);
@@ -86,7 +86,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
     Ok(TensorFile { kind, root, has_checksums: false, digest, file: Arc::clone(file) })
 }
 
-/// The document inside of a packed file, in a nameless file.
+/// The document inside a packed file, in an unnamed file.
 fn inflate(file: &SourceFile, mut from: impl Read, limits: &Limits) -> Result<SourceFile> {
     let folder = std::env::temp_dir();
     let mut out = tempfile::tempfile().map_err(|error| Error::io(error, &folder))?;
@@ -110,13 +110,13 @@ fn inflate(file: &SourceFile, mut from: impl Read, limits: &Limits) -> Result<So
     Ok(SourceFile::nameless(out, file.path(), length))
 }
 
-/// A document while it is read.
+/// A reader of a document.
 struct Document<'a> {
     file: &'a Arc<SourceFile>,
     at: u64,
     /// The bytes that were read last, and the offset of the first one.
     piece: (u64, Vec<u8>),
-    /// Values that may still come, and bytes of texts.
+    /// Remaining allowance of values, and of bytes of texts.
     left: u64,
     texts: u64,
     /// Memory for values.
@@ -241,7 +241,7 @@ impl Document<'_> {
         String::from_utf8(bytes).map_err(|_| Error::malformed(place, "no UTF-8", "a text in UTF-8"))
     }
 
-    /// A binary value stays where it is.
+    /// A binary value stays in the file.
     fn binary(&mut self, key: String, length: u64) -> Result<Value> {
         let left = self.file.length().saturating_sub(self.at);
         if length > left {
@@ -256,7 +256,7 @@ impl Document<'_> {
     }
 }
 
-/// A number from 0.
+/// A number of at least 0.
 fn whole(number: u64) -> Value {
     i64::try_from(number).map_or(Value::Float(number as f64), Value::Int)
 }

@@ -60,15 +60,15 @@ pub(super) fn open(
     })
 }
 
-/// The name of an array; none of other entries, such as notes, folders and what a Mac keeps of
-/// files that it packs (`__MACOSX/._NAME`).
+/// The name of an array; none for other entries, such as notes, folders and macOS metadata
+/// (`__MACOSX/._NAME`).
 fn array_name(entry: &str) -> Option<&str> {
     let name = entry.strip_suffix(EXTENSION)?;
     let is_mac = name.split('/').any(|part| part == "__MACOSX" || part.starts_with("._"));
     (!is_mac && !name.is_empty()).then_some(name)
 }
 
-/// Bytes of the folder that all arrays lie in: archives that were packed from a folder.
+/// Length of the common folder's name, for archives that were packed from a folder.
 fn common_folder<'a>(mut names: impl Iterator<Item = &'a str> + Clone) -> usize {
     let first = names.clone().next().unwrap_or_default();
     let ends = first.match_indices('/').map(|(at, _)| at + 1);
@@ -163,7 +163,7 @@ fn read_array(
     Ok((Value::Tensor(tensor), header))
 }
 
-/// A NumPy text: four bytes a character, zeros at the end.
+/// A NumPy text: four bytes per character, zeros at the end.
 fn text(bytes: &[u8]) -> Option<String> {
     let (characters, rest) = bytes.as_chunks::<4>();
     let text: Option<String> =
@@ -171,8 +171,8 @@ fn text(bytes: &[u8]) -> Option<String> {
     text.filter(|_| rest.is_empty()).map(|text| text.trim_end_matches('\0').to_owned())
 }
 
-/// The checksum of the bytes behind `head` in an entry. CRC-32 is linear: the sum over both parts
-/// is the head's sum, shifted over the rest, xor the rest's sum.
+/// The checksum of the bytes behind `head` in an entry. CRC-32 is linear: the checksum of both
+/// parts is the head's checksum, shifted over the rest, xor the rest's checksum.
 fn checksum_after(entry: &Entry, head: &[u8]) -> u32 {
     let mut shifted = crc32fast::Hasher::new();
     shifted.update(head);
@@ -181,7 +181,7 @@ fn checksum_after(entry: &Entry, head: &[u8]) -> u32 {
     shifted.finalize() ^ entry.crc32
 }
 
-/// The type of numbers that are read.
+/// The supported number type.
 fn element(descr: &serde_json::Value) -> Option<Element> {
     let plain = descr.as_str().map(|descr| descr.trim_start_matches(['<', '|', '=']));
     plain.and_then(Element::from_numpy)
@@ -197,8 +197,8 @@ struct Header {
     shape: Vec<u64>,
 }
 
-/// Reads the Python dictionary of a header, which is JSON but for quotes, brackets, capitals, the
-/// `L` of Python 2 and commas at the end.
+/// Reads the Python dictionary of a header, which is JSON except for quotes, brackets, capitals,
+/// the `L` of Python 2 and trailing commas.
 fn read_header(literal: &[u8]) -> Option<Header> {
     let words: Vec<&str> = std::str::from_utf8(literal).ok()?.split_whitespace().collect();
     let mut json = words.join(" ");

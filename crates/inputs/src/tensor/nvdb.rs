@@ -8,8 +8,8 @@
 //! version   major << 21 | minor << 10 | patch
 //! ```
 //!
-//! All numbers are little-endian. Grids are read by [`crate::vdb`]. The layout is that of version 32,
-//! which NanoVDB has had since 2020; it is written down in `NanoVDB.h`.
+//! All numbers are little-endian. Grids are read by [`crate::vdb`]. The layout is that of version
+//! 32, which NanoVDB has had since 2020; it is written down in `NanoVDB.h`.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ use crate::base::bytes::{ByteReader, SourceFile};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 
-/// First bytes of files of any age: the last one tells files from grids in memory.
+/// First bytes of files of any version: the last one distinguishes files from grids in memory.
 const MAGIC: &[u8] = b"NanoVDB";
 const GRID_MAGIC: &[u8; 8] = b"NanoVDB1";
 /// The version of the layout.
@@ -31,7 +31,7 @@ const SEGMENT_BYTES: u64 = 16;
 const HEADER_BYTES: u64 = 176;
 /// Bytes of a grid in memory before its tree.
 const GRID_BYTES: u64 = 672;
-/// Names are no longer.
+/// Maximum length of names.
 const LONGEST_NAME: u64 = 1 << 16;
 /// Names of types by their numbers.
 const TYPES: [&str; 27] = [
@@ -78,7 +78,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
     let start = file.read(0, file.length().min(SEGMENT_BYTES + 4), limits.header_bytes)?;
     let number = |at: usize| start.get(at..at + 4).and_then(|bytes| bytes.first_chunk::<4>());
     let major = |at: usize| number(at).map_or(0, |bytes| u32::from_le_bytes(*bytes) >> 21);
-    // A grid in memory has a checksum where a file has its version.
+    // A grid in memory has a checksum at the offset of a file's version.
     let is_raw = start.starts_with(GRID_MAGIC) || (major(8) != MAJOR && major(16) == MAJOR);
     let grids = match is_raw {
         true => raw_grids(file, limits)?,
@@ -208,7 +208,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(text).into_owned()
 }
 
-/// Grids as they are in memory, one after the other.
+/// Grids in memory layout, one after the other.
 fn raw_grids(file: &SourceFile, limits: &Limits) -> Result<Vec<Descriptor>> {
     let (mut grids, mut at) = (Vec::new(), 0);
     while at < file.length() {

@@ -14,15 +14,15 @@ use crate::base::limits::Limits;
 
 /// Opens a file of tensors, whatever its name.
 ///
-/// # Errors `Io` where it cannot be read or is a folder, `Unsupported` for files of another kind
+/// # Errors `Io` if it cannot be read or is a folder, `Unsupported` for files of another kind
 /// and for features that only a newer reader would know, `Malformed`, `Truncated`, `Checksum` for
-/// damaged ones, `OverLimit` for those that ask for too much.
+/// damaged ones, `OverLimit` for files that exceed limits.
 pub fn open(path: &Path, limits: &Limits) -> Result<TensorFile> {
     let file = Arc::new(SourceFile::open(path)?);
     open_file(&file, limits)
 }
 
-/// The same for a file of which only the bytes are known.
+/// The same for a file that is given as bytes.
 ///
 /// # Errors
 /// Those of [`open()`].

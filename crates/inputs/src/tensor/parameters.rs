@@ -1,7 +1,7 @@
 //! JSON texts that describe a folder of assets, such as SNeRG's `scene_params.json`.
 //!
 //! The values are those of the text. Tables of numbers are tensors in memory, float64. The pictures
-//! beside the text belong to whoever knows its names.
+//! beside the text are left to the reader of the family.
 
 use std::sync::Arc;
 
@@ -14,9 +14,9 @@ use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 use crate::base::text::quoted_numbers;
 
-/// Longer texts describe no folder: pictures hold its values.
+/// Longer texts do not describe a folder, because its values are in pictures.
 const LONGEST: u64 = 4 << 20;
-/// Keys of texts that describe an atlas of pictures; those without an atlas describe planes.
+/// Keys of texts that describe an atlas of pictures, or else planes.
 const KEYS: [&str; 2] = ["\"atlas_width\"", "\"num_slices\""];
 const PLANES: &str = "\"triplane_resolution\"";
 

@@ -20,9 +20,9 @@ use crate::base::limits::{self, LimitName, Limits};
 
 /// The first bytes of such a file.
 const MAGIC: &[u8] = b"ply";
-/// Bytes that are looked through for the names of properties, at most.
+/// Maximum bytes that are searched for the names of properties.
 const LOOKED_THROUGH: u64 = 1 << 13;
-/// Longer headers are none.
+/// Maximum length of a header.
 const LONGEST: u64 = 1 << 16;
 /// The line after which vertices begin.
 const END: &[u8] = b"end_header\n";
@@ -74,7 +74,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
     Ok(TensorFile { kind, root, has_checksums: false, digest, file })
 }
 
-/// What the lines say.
+/// The content of the lines.
 #[derive(Default)]
 struct Header {
     comments: Vec<(String, Value)>,

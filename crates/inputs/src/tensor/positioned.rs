@@ -1,4 +1,4 @@
-//! A file as a reader that seeks.
+//! A file as a seekable reader.
 
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::base::bytes::SourceFile;
 use crate::base::error::ErrorKind;
 
-/// A reading position in a file that others read too.
+/// A separate reading position in a shared file.
 #[derive(Debug, Clone)]
 pub(super) struct Positioned {
     pub(super) file: Arc<SourceFile>,

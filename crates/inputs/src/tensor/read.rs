@@ -1,4 +1,4 @@
-//! Values of tensors: all of them in C order, or as a grid that is read where it lies.
+//! Values of tensors: all in C order, or as a grid that is read in place.
 
 use super::array::Tensor;
 use crate::base::bytes::Storage;
@@ -54,12 +54,11 @@ impl Tensor {
     }
 
     /// The tensor as a grid `[1, channels, x, y, z]`, `[channels, x, y, z]` or `[x, y, z]` that is
-    /// read where it lies. It is copied into memory only where it is compressed, or where z is
-    /// not its fastest axis.
+    /// read in place. It is copied into memory only if it is compressed, or if z is not its fastest
+    /// axis.
     ///
     /// # Errors
-    /// `Malformed` where the shape is another or the numbers are not floating point, `OverLimit`
-    /// where it is too large.
+    /// `Malformed` for another shape or numbers other than floats, `OverLimit` if it is too large.
     pub fn volume(&self, limits: &Limits) -> Result<Volume> {
         self.check_read()?;
         let place = self.place();

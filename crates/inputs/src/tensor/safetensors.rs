@@ -4,8 +4,8 @@
 //! {"__metadata__": {text: text}, NAME: {"dtype": "F32", "shape": [..], "data_offsets": [a, b]}}
 //! ```
 //!
-//! Strict, as the format asks: no name twice, ranges that follow each other without a hole from
-//! the header's end to the file's, each as long as its shape says.
+//! As the format requires, the reader is strict: names are unique, and ranges follow each other
+//! without holes from the header's end to the file's, each with the length of its shape.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -110,7 +110,7 @@ fn check_ranges(tensors: &[(String, Described)], length: u64) -> Result<()> {
     Ok(())
 }
 
-/// The type of numbers that are read.
+/// The supported number type.
 fn element(dtype: &str) -> Option<Element> {
     Some(match dtype {
         "F16" => Element::F16,

@@ -12,18 +12,18 @@ use crate::base::limits::Budget;
 const IN_MEMORY: u64 = 32 << 20;
 /// Bytes that are read at once while a checksum is taken.
 const PIECE: usize = 1 << 20;
-/// Pieces that a glance takes of a tensor, evenly from its first number to its last, and numbers of
+/// Pieces of a tensor in a sample, evenly spaced from its first number to its last, and numbers of
 /// each.
 const GLANCES: u64 = 64;
 const GLANCE: u64 = 4096;
 
 impl Tensor {
-    /// The tensor's bytes in C order. Bytes that are stored as they are stay in their file;
-    /// compressed ones are inflated, long ones into a nameless file in the folder for temporary
-    /// files. Checksums that the file states are verified, which reads all bytes.
+    /// The tensor's bytes in C order. Stored bytes stay in their file; compressed ones are
+    /// inflated, long ones into an unnamed file in the folder for temporary files. The file's
+    /// checksums are verified, which reads all bytes.
     ///
     /// # Errors
-    /// Those of reading and inflating, `Checksum`, and more bytes than the budget has.
+    /// Errors of reading and inflating, `Checksum`, and more bytes than the budget has.
     pub fn storage(&self, budget: &mut Budget) -> Result<Storage> {
         if !self.is_dense() {
             return Ok(Storage::Memory(self.packed(budget)?.into()));
@@ -66,11 +66,11 @@ impl Tensor {
 }
 
 impl Tensor {
-    /// Some of the numbers, which tell their range as a rule. Nothing is verified, and of compressed
-    /// ones only the first are looked at.
+    /// A sample of the numbers, which usually reveals their range. Nothing is verified, and of
+    /// compressed tensors only the start is read.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn glance(&self) -> Result<Vec<f32>> {
         let size = self.element().size() as u64;
         let most = self.span_length().min(GLANCES * GLANCE);
@@ -104,7 +104,7 @@ impl Tensor {
     }
 }
 
-/// Holds all bytes against the checksum that the file states.
+/// Verifies all bytes against the file's checksum.
 fn verify(storage: &Storage, expected: u32, place: &Place) -> Result<()> {
     let mut sum = crc32fast::Hasher::new();
     let mut piece = vec![0; PIECE];

@@ -1,6 +1,5 @@
-//! The files that are read, one row for each syntax. A new one is its reader, its [`FileKind`] and a
-//! row: from it follow how files are told apart, what messages say is expected, and the extensions
-//! that verbs know.
+//! The supported file syntaxes, one row each. A new syntax needs a reader, a [`FileKind`] and a
+//! row, which defines detection, the expected files in messages, and the extensions of verbs.
 //!
 //! [`FileKind`]: super::FileKind
 
@@ -16,17 +15,17 @@ use crate::base::limits::Limits;
 
 /// A syntax of files.
 pub(super) struct Syntax {
-    /// What messages call its files.
+    /// The name of its files in messages.
     pub name: &'static str,
-    /// What their names usually end with.
+    /// The usual ends of their names.
     pub extensions: &'static [&'static str],
-    /// True for one of its files, of which the second argument is the start.
+    /// True for one of its files; the second argument is the file's start.
     pub is: fn(&SourceFile, &[u8]) -> Result<bool>,
     /// Opens one.
     pub open: fn(&Arc<SourceFile>, &Limits) -> Result<TensorFile>,
 }
 
-/// All of them, in the order in which a file is held against them.
+/// All syntaxes, in the order of detection.
 pub(super) const SYNTAXES: [Syntax; 7] = [
     Syntax {
         name: "a PyTorch checkpoint or an .npz file (both zip)",
@@ -78,7 +77,7 @@ pub(super) const SYNTAXES: [Syntax; 7] = [
     },
 ];
 
-/// What the names of files that can be read usually end with.
+/// The usual ends of the names of supported files.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
     SYNTAXES.iter().flat_map(|syntax| syntax.extensions).copied()
 }
@@ -93,7 +92,7 @@ pub(super) fn syntax_of(file: &SourceFile, start: &[u8]) -> Result<Option<&'stat
     Ok(None)
 }
 
-/// The list of what is expected, for messages.
+/// The list of expected files, for messages.
 pub(super) fn expected() -> String {
     let [others @ .., last] = &SYNTAXES.each_ref().map(|syntax| syntax.name);
     format!("{}, or {last}", others.join(", "))

@@ -7,7 +7,7 @@ use crate::base::bytes::Storage;
 use crate::base::error::Result;
 use crate::model::grid::Element;
 
-/// A list of values; rows of as many numbers each are a tensor `[rows, columns]`, float64.
+/// A list of values; rows of equal length become a tensor `[rows, columns]`, float64.
 pub(super) fn list(key: String, items: Vec<Value>) -> Result<Value> {
     let Some((columns, numbers)) = numbers(&items) else { return Ok(Value::List(items)) };
     let bytes: Vec<u8> = numbers.into_iter().flat_map(f64::to_le_bytes).collect();
@@ -16,7 +16,7 @@ pub(super) fn list(key: String, items: Vec<Value>) -> Result<Value> {
     Tensor::dense(key, Element::F64, shape, data).map(Value::Tensor)
 }
 
-/// The columns of a table, and its numbers row by row; none of other lists.
+/// The columns of a table, and its numbers row by row; none for other lists.
 fn numbers(items: &[Value]) -> Option<(usize, Vec<f64>)> {
     let (mut columns, mut numbers) = (None, Vec::new());
     for item in items {

@@ -54,7 +54,7 @@ pub(super) fn open(
     let base = base.map_or(0, |entry| entry.offset);
     let storages = Entries { archive, folder: format!("{root}data/") };
     let root = pickle::read(&bytes, base, &storages, limits)?;
-    // Nothing in it could be used.
+    // The file would have no usable content.
     if let Some(error) = root.unread_error(Place::Offset(base)) {
         return Err(error);
     }

@@ -1,8 +1,8 @@
-//! Things of kinds that are not read: they stay closed until somebody needs them.
+//! Objects of unsupported kinds: an error only if they are needed.
 
 use crate::base::error::{Error, Place};
 
-/// A tensor that is not read.
+/// An unsupported tensor.
 #[derive(Debug)]
 pub struct Unread {
     /// Its name.
@@ -12,13 +12,13 @@ pub struct Unread {
 }
 
 impl Unread {
-    /// The error for those who need its numbers.
+    /// The error if its numbers are needed.
     pub fn error(&self) -> Error {
         unread(Place::Tensor(self.tensor.clone()), &self.what)
     }
 }
 
-/// The error for something at `place` that is needed, and of a kind that is not read.
+/// The error for an object at `place` that is needed, but of an unsupported kind.
 pub(super) fn unread(place: Place, what: &str) -> Error {
     let expected = "plain numbers, texts, and tensors of float16 to float64, bfloat16, bool, uint8 \
                     or int8 to int64";

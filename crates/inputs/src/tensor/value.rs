@@ -5,17 +5,17 @@ use super::unread::unread;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 
-/// Most elements of a tensor that stands for a setting.
+/// Maximum elements of a tensor that represents a setting.
 const SETTING_ELEMENTS: u64 = 64;
 
 /// Most bytes that are read for a setting.
 const SETTING_BYTES: u64 = 4 << 20;
 
-/// Bytes of a value's name after those of the dictionaries that it is in, at most: each value has
-/// its own copy of them all.
+/// Maximum bytes of a value's full name, with the names of its dictionaries: each value has its own
+/// copy.
 const NAME_BYTES: u64 = 4096;
 
-/// Refuses a name of so many bytes that is too long.
+/// Refuses a name of this many bytes that is too long.
 pub(in crate::tensor) fn check_name(bytes: usize, place: &Place) -> Result<()> {
     limits::check_fixed("bytes of a name", bytes as u64, NAME_BYTES, place)
 }
@@ -43,9 +43,9 @@ pub enum Value {
     Tensor(Tensor),
     /// Values in order.
     List(Vec<Value>),
-    /// Values by key, in the file's order; keys that are no text were turned into it.
+    /// Values by key, in the file's order; keys other than text were converted to text.
     Dict(Vec<(String, Value)>),
-    /// An object of a kind that is not read, which this names.
+    /// An object of an unsupported kind, which this names.
     Opaque(String),
 }
 
@@ -55,12 +55,12 @@ impl Value {
         self.entries().iter().find(|(found, _)| found == key).map(|(_, value)| value)
     }
 
-    /// The value that `keys` lead to, one dictionary after the other.
+    /// The value at the path `keys` through nested dictionaries.
     pub fn at(&self, keys: &[&str]) -> Option<&Self> {
         keys.iter().try_fold(self, |value, key| value.get(key))
     }
 
-    /// Keys and values of a dictionary; nothing of anything else.
+    /// Keys and values of a dictionary; empty for other values.
     pub fn entries(&self) -> &[(String, Self)] {
         match self {
             Self::Dict(entries) => entries,
@@ -68,7 +68,7 @@ impl Value {
         }
     }
 
-    /// The tensor that this is.
+    /// The tensor, if this is one.
     pub fn tensor(&self) -> Option<&Tensor> {
         match self {
             Self::Tensor(tensor) => Some(tensor),
@@ -99,7 +99,7 @@ impl Value {
         }
     }
 
-    /// The kind of a value that is not read.
+    /// The kind of an unsupported value.
     pub fn unread_kind(&self) -> Option<&str> {
         match self {
             Self::Opaque(kind) => Some(kind),
@@ -108,12 +108,12 @@ impl Value {
         }
     }
 
-    /// The error for those who need a value that is not read; none if it is.
+    /// The error if the value is unsupported; none otherwise.
     pub fn unread_error(&self, place: Place) -> Option<Error> {
         self.unread_kind().map(|kind| unread(place, kind))
     }
 
-    /// The value that a place of an error names, in this one or in those that it holds.
+    /// The value at the place of an error, in this value or nested in it.
     pub fn at_place(&self, place: &Place) -> Option<&Self> {
         let (Place::Tensor(name) | Place::Key(name)) = place else { return None };
         self.named(name)
@@ -146,7 +146,7 @@ impl Value {
             return Ok(*value);
         }
         let number = self.number(key)?;
-        // Above 2^53 a float64 no longer tells neighbours apart.
+        // Above 2^53, float64 no longer distinguishes neighbours.
         if number.fract() != 0.0 || number.abs() > 9_007_199_254_740_992.0 {
             return Err(self.unlike(key, "a whole number"));
         }

@@ -19,11 +19,11 @@ use crate::base::bytes::{ByteReader, SourceFile};
 use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::{self, LimitName, Limits};
 
-/// Versions of the file that are read: from compressed nodes on, to today's.
+/// Supported file versions: from compressed nodes on, to today's.
 const VERSIONS: std::ops::RangeInclusive<u32> = 222..=225;
-/// Bytes at the start that are looked at first; more where metadata is longer.
+/// Bytes at the start that are read first; more for longer metadata.
 const FIRST_BYTES: u64 = 1 << 16;
-/// Names and texts are no longer.
+/// Maximum length of names and texts.
 const LONGEST_TEXT: u32 = 1 << 24;
 /// The key of the list of grids.
 pub const GRIDS: &str = "grids";
@@ -59,7 +59,7 @@ pub(super) fn open(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile
 struct Descriptor {
     name: String,
     kind: String,
-    /// The grid whose tree it has, if it has none of its own.
+    /// The grid whose tree it shares, if any.
     parent: Option<String>,
     range: [u64; 2],
     blocks: u64,
@@ -83,7 +83,7 @@ fn start(file: &Arc<SourceFile>, limits: &Limits) -> Result<(Texts, Vec<Descript
     Ok((texts, grids))
 }
 
-/// Parses what begins at `at`, of which the length is not known.
+/// Parses data of unknown length from `at`.
 fn parsed<T>(
     file: &SourceFile,
     at: u64,
@@ -128,7 +128,7 @@ fn header(reader: &mut ByteReader, limits: &Limits) -> Result<(Texts, u32)> {
 
 fn descriptor(reader: &mut ByteReader, length: u64) -> Result<Descriptor> {
     let name = read_text(reader)?;
-    // A second grid of the same name has its number behind a separator.
+    // Further grids of the same name have a separator and a number.
     let bare = |name: &str| name.split('\u{1e}').next().unwrap_or_default().to_owned();
     let name = bare(&name);
     let kind = read_text(reader)?;

@@ -1,8 +1,8 @@
 //! The directory of a zip archive, and its entries: stored ones are read by position, deflated
 //! ones are inflated under a budget.
 //!
-//! The archive starts with its file: nothing is searched beyond the end record's own places, so
-//! opening reads the directory and one header an entry, whatever the archive's size.
+//! The archive must start with its file. Only the places of the end record are searched, so opening
+//! reads the directory and one header per entry, whatever the archive's size.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Write};
@@ -50,7 +50,7 @@ pub struct Entry {
 /// The place of a tensor's bytes.
 #[derive(Debug, Clone)]
 pub enum Data {
-    /// As they are, in a file or in memory.
+    /// Uncompressed, in a file or in memory.
     Stored(Storage),
     /// In a compressed entry of an archive, inflated when needed.
     Deflated {
@@ -61,7 +61,7 @@ pub enum Data {
         /// Inflated bytes before the storage starts.
         skip: u64,
     },
-    /// Of a kind that is not read. Whoever needs it learns why.
+    /// Of an unsupported kind, with the reason for errors.
     Unread(Arc<Unread>),
 }
 
@@ -75,7 +75,7 @@ impl Data {
         }
     }
 
-    /// The bytes as something that can be read by position; inflates them if need be.
+    /// The bytes, readable by position; inflates them if necessary.
     pub fn storage(&self, budget: &mut Budget) -> Result<Storage> {
         match self {
             Self::Stored(storage) => Ok(storage.clone()),
@@ -203,16 +203,16 @@ impl Archive {
         Err(Error::new(kind, place))
     }
 
-    /// Inflates up to `count` bytes. Memory grows with the bytes that come, not with those that
-    /// were promised; more than promised, or a wrong checksum at the end, is an error.
+    /// Inflates up to `count` bytes. Memory grows with the actual bytes, not with the stated ones;
+    /// more than stated, or a wrong checksum at the end, is an error.
     fn inflate_prefix(&self, number: usize, count: u64) -> Result<Vec<u8>> {
         let entry = self.entry(number)?;
         let place = || Place::Entry(entry.name.clone());
-        // The directory is shared by clones; only the reading position is each one's own.
+        // Clones share the directory; only the reading position is separate.
         let mut zip = self.zip.clone();
         let mut reader = zip.by_index(number).map_err(|error| refused(error, place()))?;
         let mut bytes = Vec::new();
-        // One byte more than the whole lets the decoder see the end and check the bytes.
+        // Requesting one byte more makes the decoder reach the end and verify the checksum.
         let wanted = if count == entry.length { count.saturating_add(1) } else { count };
         let read = Read::by_ref(&mut reader).take(wanted).read_to_end(&mut bytes);
         read.map_err(|error| refused(ZipError::Io(error), place()))?;
@@ -263,7 +263,7 @@ impl Archive {
     }
 }
 
-/// Reads one entry's headers and holds them against the file's length.
+/// Reads one entry's headers and checks them against the file's length.
 fn read_entry(zip: &mut ZipArchive<Positioned>, number: usize, length: u64) -> Result<Entry> {
     let header = zip.by_index_data(number).map_or(0, |entry| entry.header_start());
     let raw = zip.by_index_raw(number).map_err(|error| refused(error, Place::Offset(header)))?;
@@ -301,8 +301,8 @@ fn read_entry(zip: &mut ZipArchive<Positioned>, number: usize, length: u64) -> R
     Ok(Entry { name, offset, is_deflated, packed, length: inflated, crc32: raw.crc32() })
 }
 
-/// Holds the counts that zip64 end records state against the limit before the directory is read;
-/// an ordinary end record cannot state more than 65,535.
+/// Checks the counts of zip64 end records against the limit before the directory is read; an
+/// ordinary end record cannot state more than 65,535.
 fn check_entry_count(file: &SourceFile, limits: &Limits) -> Result<()> {
     const END: u64 = 22;
     const LOCATOR: usize = 20;

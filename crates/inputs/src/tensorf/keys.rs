@@ -29,16 +29,16 @@ pub(super) struct Settings {
     pub(super) far: Option<f64>,
     /// Step length in voxels.
     pub(super) step_ratio: f64,
-    /// Rays are those of nerfstudio, not of TensoRF: the intervals of the first and second pass.
+    /// For nerfstudio's rays instead of TensoRF's: the intervals of the first and second pass.
     pub(super) two_passes: Option<[usize; 2]>,
 }
 
-/// The arrays of a model; nothing of them is read.
+/// The unread arrays of a model.
 #[derive(Debug, Clone)]
 pub(super) struct Arrays {
     pub(super) settings: Settings,
     pub(super) density: FactorArrays,
-    /// Features that colours are made of.
+    /// Number of colour features.
     pub(super) features: FactorArrays,
     pub(super) shading: ShadingFile,
     pub(super) mask: Option<MaskFile>,
@@ -149,7 +149,7 @@ impl Arrays {
     }
 }
 
-/// The factors of density or of colours; a CP model has lines alone.
+/// The factors of density or of colours; a CP model has only lines.
 fn terms(state: &Value, of: &str) -> Result<Terms> {
     let line = |number: usize, axis: usize| -> Result<Part> {
         let tensor = tensor(state, &format!("{of}_line.{number}"))?.clone();
@@ -193,8 +193,8 @@ fn joint_terms(kwargs: &Value, state: &Value) -> Result<(Terms, Terms)> {
     Ok((terms(color..held)?, terms(0..color)?))
 }
 
-/// Some components of the three planes and lines that lie in one array each; a CP model has lines
-/// alone.
+/// Some components of the three planes and three lines, which are one array each; a CP model has
+/// only lines.
 pub(super) fn stacked_terms(
     planes: Option<&Tensor>,
     lines: &Tensor,

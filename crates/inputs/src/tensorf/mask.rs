@@ -7,10 +7,10 @@ use crate::model::field::{FreeSpace, Lookup};
 use crate::model::grid::{Bounds, Nodes};
 use crate::tensor::{Tensor, Value};
 
-/// Any set node near a position shows: a threshold below every share that float32 tells from 0.
+/// Any set node near a position makes it visible: a threshold below every nonzero float32 share.
 const THRESHOLD: f32 = 1e-6;
 
-/// A mask that was found; its bits are not yet read.
+/// A mask with unread bits.
 #[derive(Debug, Clone)]
 pub(super) struct MaskFile {
     bits: Tensor,
@@ -83,8 +83,8 @@ impl MaskFile {
         Ok(Mask { inside, nodes: self.nodes.0, origin, per_unit })
     }
 
-    /// The mask as a field has it. Interpolation reaches a cell beyond the outermost nodes, so one
-    /// node that is not set is added beyond each face.
+    /// The mask for a field. Interpolation reaches a cell beyond the outermost nodes, so one unset
+    /// node is added beyond each face.
     pub(super) fn free_space(&self, limits: &Limits) -> Result<FreeSpace> {
         let mut budget = Budget::new(limits);
         let mask = self.load(&mut budget)?;

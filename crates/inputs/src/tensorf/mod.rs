@@ -10,18 +10,18 @@
 //! | `state_dict.plane_coef`, `line_coef` | `[3, C, N, N]`, `[3, C, N, 1]` | the first layout: all factors of colours, then those of density |
 //! | `alphaMask.shape`, `.mask`, `.aabb` | | one bit for a node, first bit highest, in a box of its own |
 //!
-//! nerfstudio's method `tensorf` trains the same model and writes it under names of its own.
+//! nerfstudio's method `tensorf` trains the same model and writes it under its own names.
 //!
 //! **The field** is a grid of [`factors`](crate::factors), which holds density and features
 //! exactly.
 //!
-//! **Colours.** The shading `SH` is harmonics, `RGB` plain colours. A network is fitted at each node
-//! with harmonics, over directions all around.
+//! **Colours.** The shading `SH` is harmonics, `RGB` plain colours. A network is fitted at each
+//! node with harmonics, over directions all around.
 //!
 //! **Its own rules** ([`TrainedModel`](crate::model::trained_model::TrainedModel)) are those of
 //! TensoRF's renderer: samples from the face of the box on, the last one without a length, colours
-//! where a weight is over a threshold, a picture limited to 0 to 1. nerfstudio samples in two passes:
-//! evenly, then where the first pass found density.
+//! where a weight is over a threshold, a picture clamped to 0 to 1. nerfstudio samples in two
+//! passes: evenly, then where the first pass found density.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

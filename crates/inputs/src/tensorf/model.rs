@@ -21,7 +21,7 @@ use crate::model::camera::Ray;
 use crate::model::ray_march::{over_background, point_at, ray_color, unit_direction};
 use crate::model::trained_model::{LoadModel, RayColor, RayRules, TrainedModel};
 
-/// Added to the light that passes a sample.
+/// Added to the light that passes through a sample.
 const PASSES: f64 = 1e-10;
 
 /// A file, ready to be loaded.
@@ -35,7 +35,7 @@ pub(super) struct TensorfFile {
 struct Tensorf {
     settings: Settings,
     density: Mixed,
-    /// Features that colours are made of.
+    /// Number of colour features.
     features: Mixed,
     shading: Shading,
     mask: Option<Mask>,
@@ -76,7 +76,7 @@ impl Tensorf {
         at
     }
 
-    /// Optical depth of a world unit at a position, 0 in empty space.
+    /// Optical depth per world unit at a position; 0 in empty space.
     fn sigma(&self, world: [f64; 3], share: [f64; 3], scratch: &mut Scratch) -> f64 {
         let inside = share.into_iter().all(|at| (0.0..=1.0).contains(&at));
         if !inside || !self.mask.as_ref().is_none_or(|mask| mask.contains(world)) {
@@ -102,8 +102,8 @@ impl Tensorf {
     }
 }
 
-/// The samples of a ray as TensoRF takes them, in float32: the first one lies on a face, and
-/// rounding decides if it is in the box.
+/// TensoRF's samples of a ray, in float32: the first one lies on a face, and rounding decides
+/// whether it is in the box.
 struct Samples {
     origin: [f32; 3],
     direction: [f32; 3],
@@ -178,7 +178,7 @@ impl Tensorf {
     }
 }
 
-/// The light that samples add up to.
+/// The accumulated light of samples.
 #[derive(Debug, Default)]
 struct Light {
     color: [f64; 3],
@@ -194,7 +194,7 @@ impl Light {
         self.color.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
     }
 
-    /// The light over the background, limited to 0 to 1.
+    /// The light over the background, clamped to 0 to 1.
     fn over(&self, rules: &RayRules) -> RayColor {
         let left = (1.0 - self.opacity).max(0.0);
         let color = over_background(self.color, left, rules);

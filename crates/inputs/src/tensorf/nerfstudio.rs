@@ -8,8 +8,9 @@
 //! | `B.weight` | `[features, components]` | products of factors to features |
 //! | `mlp_head.layers.{0,1}`, `field_output_rgb.net` | | three layers |
 //!
-//! Density is cut at 0 after interpolation. Inputs of the network are encoded with two waves of
-//! `2 pi` and `8 pi`. The background and the numbers of samples are in the run's `config.yml`.
+//! Density is cut at 0 after interpolation. Inputs of the network are encoded with sines and
+//! cosines of the frequencies `2 pi` and `8 pi`. The background and the numbers of samples are in
+//! the run's `config.yml`.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -26,9 +27,9 @@ use crate::network::{Inputs, NetworkFile};
 use crate::source::{Assumption, SideFile};
 use crate::tensor::{Tensor, TensorFile, Value};
 
-/// The names of the field start so.
+/// The prefix of the field's names.
 const FIELD: &str = "_model.field.";
-/// Waves of an encoding.
+/// Frequencies of an encoding.
 const WAVES: u32 = 2;
 /// Step length of a bake in voxels.
 const STEP_RATIO: f64 = 0.5;
@@ -108,7 +109,7 @@ fn terms(file: &TensorFile, encoding: &str) -> Result<Terms> {
     stacked_terms(planes, lines, 0..count)
 }
 
-/// What a run states about its pictures.
+/// The rendering settings of a run.
 pub(super) struct Pictures {
     /// Intervals of the first and of the second pass.
     pub(super) passes: [usize; 2],
@@ -120,8 +121,8 @@ pub(super) struct Pictures {
 /// Reads the settings of a checkpoint's run.
 ///
 /// # Errors
-/// `Unsupported` for other methods, and for a background that has no colour unless `background` is
-/// one; `Malformed` for numbers that no training has.
+/// `Unsupported` for other methods, and for a background without a colour unless `background` is
+/// given; `Malformed` for impossible numbers.
 pub(super) fn pictures(
     checkpoint: &Path,
     background: Option<[f32; 3]>,
@@ -157,7 +158,7 @@ fn settings_of(
     let color = match (background, named.as_str()) {
         (Some(color), _) => color,
         (None, "white") => [1.0; 3],
-        // Nothing is added to the pictures of a model that was trained over random colours.
+        // A model that was trained over random colours has no background.
         (None, "black" | "random") => [0.0; 3],
         (None, other) => {
             let error = Error::unsupported(place(key), other, "white, black or random");

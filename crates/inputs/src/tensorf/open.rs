@@ -20,7 +20,7 @@ use crate::tensor::TensorFile;
 
 /// Added to the sum of harmonics.
 const OFFSET: f32 = 0.5;
-/// The degree of the shading `SH`, and of a fit that nobody asked for another of.
+/// The degree of the shading `SH`, and the default degree of a fit.
 const DEGREE: usize = 2;
 
 /// True for a file with the keys of TensoRF, or with those of nerfstudio's `tensorf`.
@@ -28,11 +28,11 @@ pub fn knows(file: &TensorFile) -> bool {
     keys::knows(file) || nerfstudio::knows(file)
 }
 
-/// Opens a file of TensoRF. Factors stay in the file until a node is asked for.
+/// Opens a file of TensoRF. Factors stay in the file until a node is requested.
 ///
 /// # Errors
 /// `Unsupported` for other activations and shadings, and scenes in normalised
-/// device coordinates; `Malformed` where arrays are missing or do not fit.
+/// device coordinates; `Malformed` if arrays are missing or do not fit.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     let other = nerfstudio::knows(file);
     let mut arrays = match other {
@@ -51,7 +51,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     let scene = scene(settings, background, options);
     let (side_file, mut assumptions) =
         pictures.map_or_else(Default::default, |run| (run.file, run.assumptions));
-    // Colours of the model are limited at each sample; those of a network were fitted.
+    // Colours of the model are clamped at each sample; those of a network were fitted.
     let (stored, evaluation) = match arrays.shading {
         ShadingFile::Rgb => (None, Evaluation::Ray),
         ShadingFile::Harmonics => (Some(DEGREE), Evaluation::Sample),

@@ -30,7 +30,7 @@ pub(super) fn key(name: &str) -> Place {
     Place::Key(name.to_owned())
 }
 
-/// A setting that cannot be.
+/// An impossible setting.
 pub(super) fn malformed(
     name: &str,
     found: impl Into<String>,

@@ -14,7 +14,7 @@ pub(super) const STORED_FUNCTIONS: usize = 9;
 /// Octaves of an encoding, at most.
 const OCTAVES: i64 = 24;
 
-/// A shading that was found; its weights are not yet read.
+/// A shading with unread weights.
 #[derive(Debug, Clone)]
 pub(super) enum ShadingFile {
     /// Features are colours.
@@ -26,7 +26,7 @@ pub(super) enum ShadingFile {
 }
 
 impl ShadingFile {
-    /// The shading of a model with so many features.
+    /// The shading of a model with this many features.
     pub(super) fn find(kwargs: &Value, state: &Value, features: usize) -> Result<Self> {
         let octaves = |name: &str| -> Result<u32> {
             let found = kwargs.get(name).map_or(Ok(0), |value| value.integer(name))?;

@@ -1,15 +1,15 @@
 //! The samples of nerfstudio: evenly spaced ones, then as many as the second pass has, where the
 //! first one found density.
 //!
-//! A sample is the middle of an interval, and stands for all of it.
+//! A sample is the middle of an interval, and represents all of it.
 
 use crate::model::ray_march::{ZeroGuard, crossing};
 use crate::resample::resampled;
 
-/// Opacity of the first pass below which a ray meets nothing.
+/// Opacity of the first pass below which a ray counts as empty.
 const OPACITY: f64 = 1e-4;
 
-/// The distances between which a ray is in a box; the last one is farther than the first.
+/// The distances at which a ray enters and leaves a box; the second is larger.
 pub(super) fn span(origin: [f64; 3], direction: [f64; 3], corners: [[f64; 3]; 2]) -> [f64; 2] {
     // nerfstudio's guard of divisions by 0.
     let [near, far] = crossing(origin, direction, corners, ZeroGuard::Add(1e-6));
@@ -17,8 +17,8 @@ pub(super) fn span(origin: [f64; 3], direction: [f64; 3], corners: [[f64; 3]; 2]
     [near, far.max(near + 1e-6)]
 }
 
-/// The ends of the intervals of the second pass; none for a ray that meets nothing. Each pass has its
-/// number of intervals; `density` is the optical depth of a unit at a distance.
+/// The ends of the intervals of the second pass; none for an empty ray. Each pass has its own
+/// number of intervals; `density` is the optical depth per unit at a distance.
 pub(super) fn intervals(
     [even, found]: [usize; 2],
     [near, far]: [f64; 2],

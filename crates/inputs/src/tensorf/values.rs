@@ -22,14 +22,14 @@ pub(super) struct ColorValues {
     features: Lazy<Mixed>,
     /// Harmonics of the field; without them colours are plain.
     harmonics: Option<Harmonics>,
-    /// Colours that do not depend on the view, of a model that has others.
+    /// View-independent colours of a model with view-dependent ones.
     plain: bool,
     planes: PlaneCache,
 }
 
 impl ColorValues {
     /// Colours with harmonics of these rules, reduced to band 0 as plain colours on request;
-    /// without rules those of the model itself.
+    /// without rules, the model's own.
     pub(super) fn new(
         arrays: &Arrays,
         harmonics: Option<Harmonics>,
@@ -80,12 +80,12 @@ impl NodeValues for ColorValues {
     }
 
     fn memory_bytes(&self) -> u64 {
-        // Factors are kept once, and once more while they are read.
+        // Factors are held twice while they are read.
         2 * self.arrays.features.bytes() + self.planes.bytes(self.nodes(), self.channels())
     }
 
     fn digest(&self, _: &mut dyn FnMut(&[u8])) -> Result<()> {
-        // The digest of an archive has the checksums of all values.
+        // The digest of an archive includes the checksums of all values.
         Ok(())
     }
 

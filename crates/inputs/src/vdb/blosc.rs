@@ -20,7 +20,7 @@ const BITS_SHUFFLED: u8 = 4;
 const ONE_STREAM: u8 = 16;
 const LZ4: u8 = 1;
 const HEADER: usize = 16;
-/// Blocks of values that are wider are one stream.
+/// Blocks of wider values are one stream.
 const MOST_STREAMS: usize = 16;
 /// So are blocks with fewer values.
 const FEWEST_VALUES: usize = 128;
@@ -85,7 +85,8 @@ pub fn decompress(buffer: &[u8], length: usize, place: &Place) -> Result<Vec<u8>
     Ok(out)
 }
 
-/// Values of bytes that stand by their place in a value; the rest behind whole values stays.
+/// Unshuffles bytes that are grouped by their place in a value; a remainder after whole values
+/// stays.
 fn unshuffled(bytes: &[u8], size: usize) -> Vec<u8> {
     let values = bytes.len() / size;
     let mut out = bytes.to_vec();

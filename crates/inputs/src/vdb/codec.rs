@@ -1,4 +1,4 @@
-//! Values of a node: compressed, with those of inactive voxels left out.
+//! Values of a node: compressed, without those of inactive voxels.
 //!
 //! ```text
 //! i8        0 and 1: inactive values are the background, or its negative
@@ -7,9 +7,9 @@
 //! values    active ones only, unless 6 or the grid's flag says otherwise
 //! ```
 //!
-//! Zlib and Blosc streams have their length before them as an i64; a length that is not positive is
-//! that of bytes that are not compressed. No values at all still have that length, but for numbers
-//! that were saved as half floats, of which nothing is there.
+//! Zlib and Blosc streams follow their length as an i64; a length of 0 or below means uncompressed
+//! bytes. Empty values still have that length, except for numbers that were saved as half floats,
+//! which have nothing.
 
 use half::f16;
 
@@ -21,7 +21,7 @@ use crate::base::error::{Error, Place, Result};
 const ZIP: u32 = 1;
 const ACTIVE_MASK: u32 = 2;
 const BLOSC: u32 = 4;
-/// All values are there.
+/// All values are present.
 const ALL: u8 = 6;
 
 /// How the numbers of a grid are stored.
@@ -44,12 +44,12 @@ pub struct Codec {
     pub precision: Precision,
     /// Flags.
     pub compression: u32,
-    /// The value of voxels that are not stored.
+    /// The background value, of voxels that are not stored.
     pub background: [f32; 3],
 }
 
 impl Codec {
-    /// A value as the program has it: backgrounds, tiles of the root, inactive values.
+    /// A value in the program's precision: backgrounds, tiles of the root, inactive values.
     pub fn full_value(&self, reader: &mut ByteReader) -> Result<[f32; 3]> {
         let mut value = [0.0; 3];
         for number in value.iter_mut().take(self.width) {
@@ -79,7 +79,7 @@ impl Codec {
             inactive[0] = self.background.map(|value| -value);
         }
         if kind == 3 {
-            // The mask picks the background; others are its negative.
+            // The mask selects the background; other values are its negative.
             inactive[0] = self.background.map(|value| -value);
         }
         if matches!(kind, 2 | 4 | 5) {
@@ -130,7 +130,7 @@ impl Codec {
         value
     }
 
-    /// So many bytes, decompressed.
+    /// This many bytes, decompressed.
     fn bytes(&self, reader: &mut ByteReader, length: usize) -> Result<Vec<u8>> {
         if self.compression & (ZIP | BLOSC) == 0 {
             return reader.take(length).map(<[u8]>::to_vec);

@@ -9,7 +9,7 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{Budget, LimitName, Limits};
 use crate::tensor::{FileKind, GRIDS, TensorFile, Value, VdbValue, read_metadata, read_text};
 
-/// Types that are read, the numbers of a value, and their precision.
+/// Supported types, the numbers of a value, and their precision.
 const TYPES: [(&str, usize, Precision); 5] = [
     ("Tree_float_5_4_3", 1, Precision::Full),
     ("Tree_float_5_4_3_HalfFloat", 1, Precision::SavedAsHalf),
@@ -18,7 +18,7 @@ const TYPES: [(&str, usize, Precision); 5] = [
     ("Tree_vec3s_5_4_3_HalfFloat", 3, Precision::SavedAsHalf),
 ];
 
-/// The metadata that says what a grid's numbers are.
+/// The metadata key for the meaning of a grid's numbers.
 pub(super) const CLASS: &str = "class";
 /// Bytes of a grid in which its metadata lies.
 const HEAD_BYTES: u64 = 1 << 20;
@@ -30,7 +30,7 @@ pub struct VdbGrid {
     pub metadata: Vec<(String, VdbValue)>,
     /// Numbers of a value: 1 or 3.
     pub width: usize,
-    /// The value of voxels that are not stored.
+    /// The background value, of voxels that are not stored.
     pub background: [f32; 3],
     /// The place of its voxels in the world.
     pub placed: Placed,
@@ -66,7 +66,7 @@ pub fn grid_names(file: &TensorFile) -> Vec<(&str, &str)> {
     named.collect()
 }
 
-/// True for types of grids that have one number a voxel.
+/// True for types of grids with one number per voxel.
 pub(super) fn is_scalar(kind: &str) -> bool {
     TYPES.iter().any(|(own, width, _)| *own == kind && *width == 1)
         || nano::shape_of(kind).is_some_and(|(width, _)| width == 1)
@@ -87,7 +87,7 @@ fn entry_of<'a>(file: &'a TensorFile, name: &str) -> Result<(&'a Value, Place)> 
     }
 }
 
-/// The class of a grid, of which only the start is read.
+/// The class of a grid; reads only its start.
 ///
 /// # Errors
 /// As [`read_grid`].
@@ -108,7 +108,7 @@ pub(super) fn read_class(file: &TensorFile, name: &str, limits: &Limits) -> Resu
     }))
 }
 
-/// Reads a grid with all its voxels; one that shares the tree of another has that one's.
+/// Reads a grid with all its voxels, or with the voxels of the grid whose tree it shares.
 ///
 /// # Errors
 /// `Unsupported` for other types and transforms, `Malformed` and `Truncated` for damaged files, and
@@ -194,7 +194,7 @@ fn read_nano(
     Ok(VdbGrid { metadata, width: shape.0, background, placed, tree })
 }
 
-/// A grid that has its own metadata and map, and the tree of another one.
+/// A grid with its own metadata and map, and a shared tree.
 fn read_instance(
     file: &TensorFile,
     entry: &Value,

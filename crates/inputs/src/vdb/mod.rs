@@ -1,9 +1,9 @@
 //! Fog volumes in OpenVDB and NanoVDB files: the grids `density`, and `Cd` or `color`.
 //!
-//! [`read_grid`] reads the tree of a grid and its values as they are; [`Placed`] says where its
-//! voxels are in the world. [`open_tensors`] makes a field of them, whose nodes are the voxels'
-//! middles: density is optical depth per world unit, colours are turned from linear light to sRGB
-//! and do not depend on the view.
+//! [`read_grid`] reads the tree of a grid and its raw values; [`Placed`] places its voxels in the
+//! world. [`open_tensors`] makes a field with nodes at the voxels' middles: density is optical
+//! depth per world unit, colours are converted from linear light to sRGB and do not depend on the
+//! view.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 

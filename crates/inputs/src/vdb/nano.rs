@@ -1,4 +1,4 @@
-//! Grids of NanoVDB files: the same trees as OpenVDB's, as they are in the memory of a graphics card.
+//! Grids of NanoVDB files: the same trees as OpenVDB's, in the memory layout of a graphics card.
 //!
 //! ```text
 //! grid   672 bytes: at 40 its name, at 440 a matrix of 9 doubles and at 584 a place of 3,
@@ -25,7 +25,7 @@ use crate::base::limits::{self, Budget, LimitName, Limits};
 const GRID_BYTES: usize = 672;
 /// Bytes that Blosc compresses at once, at most.
 const BLOSC_BYTES: u64 = 1 << 30;
-/// Bytes that a byte of zlib or LZ4 stands for, at most.
+/// Maximum expansion of zlib or LZ4, in bytes per byte.
 const MOST_PACKED: u64 = 1100;
 /// Children along an edge as a power of two, of a root's child and of its children, and voxels of a
 /// child likewise.
@@ -35,18 +35,18 @@ const ROOT_CHILD: u32 = 12;
 /// Bits of a coordinate in a key.
 const KEY_BITS: u32 = 21;
 
-/// How the voxels of a leaf are stored.
+/// The storage of a leaf's voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Leaves {
     /// As float32.
     Floats,
-    /// As codes of so many bits.
+    /// As codes of this many bits.
     Codes(u32),
     /// As codes of a number of bits that each leaf states.
     AnyCodes,
 }
 
-/// Types that are read, and numbers of a value.
+/// Supported types, and numbers of a value.
 const TYPES: [(&str, usize, Leaves); 6] = [
     ("NanoVDB Float", 1, Leaves::Floats),
     ("NanoVDB Fp4", 1, Leaves::Codes(4)),
@@ -56,7 +56,7 @@ const TYPES: [(&str, usize, Leaves); 6] = [
     ("NanoVDB Vec3f", 3, Leaves::Floats),
 ];
 
-/// The numbers of a value and how leaves store them, if a type is read.
+/// The numbers of a value and their storage in leaves, for supported types.
 pub(super) fn shape_of(kind: &str) -> Option<(usize, Leaves)> {
     let found = TYPES.iter().find(|(own, ..)| *own == kind);
     found.map(|&(_, width, leaves)| (width, leaves))
@@ -102,7 +102,7 @@ pub(super) fn unpacked(
     Ok(out)
 }
 
-/// The bytes whose length stands before them, and where the next ones begin.
+/// Length-prefixed bytes, and the start of the next ones.
 fn part(bytes: &[u8], at: usize) -> Option<(&[u8], usize)> {
     let length = bytes.get(at..)?.first_chunk::<8>()?;
     let start = at + 8;
@@ -116,15 +116,15 @@ struct Bytes<'a> {
     width: usize,
     leaves: Leaves,
     place: &'a Place,
-    /// Places of nodes that were met: none belongs to two others.
+    /// Places of visited nodes: no node has two parents.
     met: HashSet<usize>,
 }
 
 /// Reads the background, the place of the voxels and the tree of a grid.
 ///
 /// # Errors
-/// `Malformed` for places outside of the grid and nodes in two places, `NonFinite`, those of maps, and
-/// more memory than the budget has.
+/// `Malformed` for places outside the grid and nodes with two parents, `NonFinite`, errors of maps,
+/// and more memory than the budget has.
 pub(super) fn read(
     bytes: &[u8],
     (width, leaves): (usize, Leaves),
@@ -191,7 +191,7 @@ impl Bytes<'_> {
         Ok(value)
     }
 
-    /// A place so many bytes from another one.
+    /// A place this many bytes from another one.
     fn moved(&self, from: usize, by: i64) -> Result<usize> {
         let to = usize::try_from(by).ok().and_then(|by| from.checked_add(by));
         to.filter(|&to| to < self.bytes.len()).ok_or_else(|| self.outside(from))
@@ -199,7 +199,8 @@ impl Bytes<'_> {
 
     fn placed(&self) -> Result<Placed> {
         let double = |number: usize| self.array(296 + 88 + 8 * number).map(f64::from_le_bytes);
-        // Rows of the world in the file; of voxels here. The inverse lies between the two.
+        // The file has rows of the world, this program rows of voxels; the matrix is inverted in
+        // between.
         let mut rows = [[0.0; 3]; 4];
         for (axis, row) in rows.iter_mut().enumerate() {
             for (world, number) in row.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Values at the nodes of a field, of the leaves and tiles of a grid.
+//! Values at the nodes of a field, from the leaves and tiles of a grid.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::model::grid::{Nodes, row};
 
 /// Voxels along a leaf's edge.
 const SIDE: i32 = 8;
-/// Nodes of nothing beyond the outermost voxels.
+/// Empty nodes beyond the outermost voxels.
 const BORDER: i32 = 1;
 
 /// The box of active voxels, as numbers along the axes of the world, and nodes around it.
@@ -27,7 +27,7 @@ pub(super) struct NodeBox {
 }
 
 impl NodeBox {
-    /// Around the active voxels of a grid; none without any.
+    /// Around the active voxels of a grid; none if there are none.
     ///
     /// # Errors
     /// More nodes than the limits allow.
@@ -66,7 +66,7 @@ fn voxel_at([x, y, z]: [i32; 3], voxel: usize) -> [i32; 3] {
     [x.wrapping_add(along(6)), y.wrapping_add(along(3)), z.wrapping_add(along(0))]
 }
 
-/// What is stored at the place of a leaf.
+/// The stored content at the place of a leaf.
 #[derive(Debug, Clone, Copy)]
 enum Stored {
     Leaf(usize),
@@ -80,7 +80,7 @@ pub(super) struct GridValues {
     nodes: NodeBox,
     /// By the first voxel of a leaf, divided by 8.
     places: HashMap<[i32; 3], Stored>,
-    /// Values are linear light, and are wanted as sRGB.
+    /// Converts values from linear light to sRGB.
     is_color: bool,
 }
 
@@ -88,7 +88,7 @@ impl GridValues {
     /// Of a grid.
     ///
     /// # Errors
-    /// More blocks than the limits allow: tiles stand for many.
+    /// More blocks than the limits allow, because a tile represents many.
     pub fn new(
         grid: VdbGrid,
         nodes: NodeBox,

@@ -14,11 +14,11 @@ use crate::tensor::{FileKind, GRIDS, TensorFile};
 
 /// The grid of optical depth.
 const DENSITY: &str = "density";
-/// Grids of colour, the first of which counts.
+/// Names of colour grids; the first match counts.
 const COLORS: [&str; 2] = ["Cd", "color"];
 /// Step length in voxels.
 const STEPSIZE: f32 = 0.5;
-/// Grids whose voxels are this much of a voxel apart are in one place.
+/// Grids whose voxels differ by up to this share of a voxel are aligned.
 const SAME_PLACE: f64 = 1e-3;
 
 /// True for OpenVDB and NanoVDB files.
@@ -29,8 +29,9 @@ pub fn knows(file: &TensorFile) -> bool {
 /// Opens a fog volume: reads all of its grids.
 ///
 /// # Errors
-/// `Unsupported` for files in which no grid is that of density, for grids of other types and
-/// classes, and for voxels that are not along the world's axes; `Malformed` and `Truncated` for damaged files.
+/// `Unsupported` for files without a grid of density, for grids of other types and classes, and for
+/// voxels that are not aligned with the world's axes; `Malformed` and `Truncated` for damaged
+/// files.
 pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<Source> {
     if let (ViewChoice::Harmonics(_), _) | (_, MlpChoice::File(_)) = (options.view, &options.mlp) {
         return Err(Error::usage(
@@ -108,7 +109,7 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     })
 }
 
-/// The name of a grid as it is written in the file, else in other letters of the same word.
+/// The exact name of a grid in the file, else a match that ignores case.
 fn named<'a>(grids: &[(&'a str, &'a str)], wanted: &str) -> Option<&'a str> {
     let mut names = grids.iter().map(|(name, _)| *name);
     let exact = names.clone().find(|name| *name == wanted);
@@ -132,7 +133,7 @@ fn grid_of<'a>(grids: &[(&'a str, &'a str)], name: &str) -> Result<&'a str> {
     Ok(own)
 }
 
-/// The grid of density. Without one of that name it is the only fog volume of single numbers.
+/// The grid of density: by name, else the only scalar fog volume.
 fn density_name<'a>(
     file: &'a TensorFile,
     grids: &[(&'a str, &'a str)],
@@ -163,14 +164,14 @@ fn density_name<'a>(
     Ok(name)
 }
 
-/// The error for a file in which no grid is that of density.
+/// The error for a file without a grid of density.
 fn without_density(grids: &[(&str, &str)]) -> Error {
     let expected = "a fog volume in a grid named density, or a single fog volume";
     let error = Error::unsupported(Place::Key(GRIDS.to_owned()), listed(grids), expected);
     error.advise("name the grid of density with --grid")
 }
 
-/// The names of a file's grids, for people.
+/// The names of a file's grids, for messages.
 fn listed(grids: &[(&str, &str)]) -> String {
     match grids {
         [] => "no grids".to_owned(),
@@ -181,12 +182,12 @@ fn listed(grids: &[(&str, &str)]) -> String {
     }
 }
 
-/// A grid's name, for people.
+/// A grid's name, for messages.
 fn shown(name: &str) -> &str {
     if name.is_empty() { "(unnamed)" } else { name }
 }
 
-/// True for classes of grids whose numbers are no densities.
+/// True for classes of grids without densities.
 fn is_surface(class: Option<&str>) -> bool {
     matches!(class, Some("level set" | "staggered"))
 }
@@ -203,7 +204,7 @@ fn check_class(density: &VdbGrid, name: &str) -> Result<()> {
         .advise("convert it to a fog volume (Houdini's Convert VDB, OpenVDB's sdfToFogVolume)"))
 }
 
-/// The box of a grid's active voxels and a border, and its nodes. Without voxels it is the box from
+/// The box of a grid's active voxels and a border, and its nodes. Without voxels, the box from
 /// voxel 0 to voxel 1.
 fn bounds_of(grid: &VdbGrid, limits: &Limits, place: &Place) -> Result<(Bounds, NodeBox)> {
     let nodes = NodeBox::of(grid, limits, place)?;
@@ -223,7 +224,7 @@ fn bounds_of(grid: &VdbGrid, limits: &Limits, place: &Place) -> Result<(Bounds, 
     Ok((bounds, nodes))
 }
 
-/// Refuses grids whose voxels are elsewhere.
+/// Refuses grids that are not aligned.
 fn check_places(density: &VdbGrid, color: &VdbGrid, place: &Place) -> Result<()> {
     let (own, other) = (&density.placed, &color.placed);
     let apart = own.step.into_iter().zip(other.step).zip(own.first.into_iter().zip(other.first));

@@ -3,25 +3,25 @@
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 
-/// Off-diagonal numbers of this share of those beside them are rounding: programs compute quarter
-/// turns in float32. A thousand voxels on, it is a thousandth of a voxel.
+/// Off-diagonal numbers up to this share of the others are rounding, because programs compute
+/// quarter turns in float32. Over a thousand voxels, it is a thousandth of a voxel.
 const ROUNDING: f64 = 1e-6;
 
-/// A map from voxels to the world, along axes alone. The middle of voxel `v` is, along axis `w` of
-/// the world, `first[w] + step[w] * v[axis[w]]`.
+/// An axis-aligned map from voxels to the world. The middle of voxel `v` is, along axis `w` of the
+/// world, `first[w] + step[w] * v[axis[w]]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
     /// The axis of voxels along each axis of the world; no two are the same.
     pub axis: [usize; 3],
-    /// World units from a voxel to the next; negative where they run against the world.
+    /// World units from a voxel to the next; negative if voxels run against the world's axis.
     pub step: [f64; 3],
     /// World position of voxel 0.
     pub first: [f64; 3],
 }
 
 impl Placed {
-    /// The number along each axis of the world of a voxel: whole steps from voxel 0, of the world's
-    /// own direction.
+    /// A voxel's index along each axis of the world: whole steps from voxel 0 in the world's
+    /// direction.
     pub fn turned(&self, voxel: [i32; 3]) -> [i32; 3] {
         let mut turned = [0; 3];
         for ((turned, axis), step) in turned.iter_mut().zip(self.axis).zip(self.step) {
@@ -31,7 +31,7 @@ impl Placed {
         turned
     }
 
-    /// The voxels' edges and the place of the first one, for people.
+    /// The voxels' edges and the place of the first one, for messages.
     pub fn describe(&self) -> String {
         let ([x, y, z], [a, b, c]) = (self.spacing(), self.first);
         format!("{x} x {y} x {z} from ({a}, {b}, {c})")
@@ -42,7 +42,7 @@ impl Placed {
         self.step.map(f64::abs)
     }
 
-    /// The same in a world that is turned from `(x, z, -y)` back to `(x, y, z)`.
+    /// The same in a world that is rotated from `(x, z, -y)` back to `(x, y, z)`.
     #[must_use]
     pub fn with_z_up(&self) -> Self {
         let ([ax, ay, az], [sx, sy, sz], [fx, fy, fz]) = (self.axis, self.step, self.first);
@@ -53,7 +53,7 @@ impl Placed {
 /// The map of a grid.
 ///
 /// # Errors
-/// `Unsupported` for maps that turn or shear, `Malformed` for those without extent.
+/// `Unsupported` for maps that rotate or shear, `Malformed` for maps without extent.
 pub fn read_map(reader: &mut ByteReader, kind: &str, place: &Place) -> Result<Placed> {
     let mut numbers = |count: usize| {
         (0..count).map(|_| reader.array().map(f64::from_le_bytes)).collect::<Result<Vec<f64>>>()
@@ -79,7 +79,7 @@ pub fn read_map(reader: &mut ByteReader, kind: &str, place: &Place) -> Result<Pl
             }
             rows
         }
-        // The scale, and four vectors that follow from it.
+        // The scale, and four vectors derived from it.
         "ScaleMap" | "UniformScaleMap" => diagonal(&numbers(15)?, &[]),
         "ScaleTranslateMap" | "UniformScaleTranslateMap" => {
             let numbers = numbers(18)?;
@@ -95,7 +95,7 @@ pub fn read_map(reader: &mut ByteReader, kind: &str, place: &Place) -> Result<Pl
     placed(&rows, place)
 }
 
-/// The map with rows of the world's steps along the axes of voxels, and the world's place of voxel 0.
+/// The map from rows with the world's steps along the axes of voxels, and the position of voxel 0.
 pub(super) fn placed(rows: &[[f64; 3]; 4], place: &Place) -> Result<Placed> {
     let [axes @ .., first] = rows;
     let largest = axes.as_flattened().iter().fold(0.0f64, |most, number| most.max(number.abs()));

@@ -1,4 +1,4 @@
-//! Trees of three levels: nodes of 32, of 16 and of 8 voxels' cubes a side.
+//! Trees of three levels: nodes with 32, 16 and 8 cubes per side.
 //!
 //! ```text
 //! i32 1, background, u32 tiles of the root, u32 children of the root
@@ -32,7 +32,7 @@ pub struct Tile {
     pub value: [f32; 3],
 }
 
-/// Eight voxels a side.
+/// A leaf: eight voxels per side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VdbLeaf {
     /// The first voxel.
@@ -152,7 +152,7 @@ impl Tree {
         Ok(())
     }
 
-    /// Reads the values of all leaves, which the budget has paid for.
+    /// Reads the values of all leaves, whose memory is already counted in the budget.
     ///
     /// # Errors
     /// `Truncated` and `Malformed`.

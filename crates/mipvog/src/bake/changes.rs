@@ -16,11 +16,11 @@ use crate::quantize::{Bits, planned_encoding};
 pub struct Changes {
     /// Other bits, with ranges to match.
     pub bits: Option<Bits>,
-    /// The fewest bits that keep this error of the container's values, whatever `bits` says; 1e-6
-    /// to 0.25. Encodings that have no more bits stay: they hold the values exactly.
+    /// Use the fewest bits that keep this error of the container's values, 1e-6 to 0.25; overrides
+    /// `bits`. Encodings with no more bits than that stay: they hold the values exactly.
     pub max_error: Option<MaxErrors>,
-    /// The smallest errors with which the new container has at most this many bytes, whatever
-    /// `bits` and `max_error` say; the finest levels are dropped where no error is large enough.
+    /// Use the smallest errors that fit the new container into this many bytes; overrides `bits`
+    /// and `max_error`. If no error is large enough, the finest levels are dropped.
     pub max_bytes: Option<u64>,
     /// Finest levels to drop.
     pub without_finest: usize,
@@ -32,7 +32,8 @@ pub struct Changes {
     pub crop: Option<Bounds>,
     /// Connected parts of level 0 with fewer visible nodes than this become empty.
     pub drop_islands: Option<u64>,
-    /// Where the container is put, after all edits: `crop` is in coordinates before it.
+    /// The new placement of the container, applied after all edits: `crop` uses coordinates from
+    /// before it.
     pub placement: Placement,
     /// Another compression level of zstd. Default: as the provenance says, else the bake's
     pub zstd_level: Option<i32>,
@@ -76,13 +77,13 @@ impl Changes {
         Error::require_option(far > near, option, found, &expected)
     }
 
-    /// True if pictures of the whole scene show something else afterwards, by more than errors.
+    /// True if the changes alter pictures of the whole scene by more than quantization errors.
     pub(super) fn changes_the_scene(&self) -> bool {
         let cuts = self.crop.is_some() || self.drop_islands.is_some() || self.without_outermost > 0;
         cuts || !self.placement.is_identity() || self.background.is_some()
     }
 
-    /// Bits that were asked for, where no error or size is.
+    /// The requested bits; none if an error or a size was requested.
     pub(super) fn fixed_bits(&self) -> Option<Bits> {
         self.bits.filter(|_| self.max_error.is_none() && self.max_bytes.is_none())
     }
@@ -99,7 +100,8 @@ impl Changes {
         march.color_threshold = self.color_threshold.unwrap_or(march.color_threshold);
     }
 
-    /// Changes everything that metadata alone says: encodings by bits, the number of levels, rules.
+    /// Changes everything that is stated in metadata alone: encodings by bits, the number of
+    /// levels, rules.
     pub(super) fn apply(&self, metadata: &mut Metadata) {
         if let Some(bits) = self.fixed_bits() {
             let parts = metadata.parts().count();
@@ -158,7 +160,7 @@ impl Changes {
     }
 }
 
-/// Takes over another encoding, unless the old one has as many bits: then its range stays.
+/// Takes over another encoding. If the old one has as many bits, it stays, with its range.
 fn change(encoding: &mut Encoding, to: &Encoding) {
     if (encoding.number, encoding.bits) != (to.number, to.bits) {
         *encoding = to.clone();

@@ -17,7 +17,7 @@ use crate::model::field::RadianceField;
 ///
 /// # Errors
 ///
-/// Reading the container may fail; damage is no error, but a container that is not current.
+/// Reading the container may fail. Damage is not an error: a damaged container is not current.
 pub fn is_current(
     container: &Container,
     field: &RadianceField,

@@ -1,7 +1,7 @@
-//! Planes of a level to compressed runs, as they come.
+//! Compresses planes of a level to runs, as they arrive.
 //!
 //! Each plane is quantized on its own, on the thread that made it. Blocks are cut from slabs of
-//! codes. They wait as frames until all threads have runs of them to compress.
+//! codes, and wait as frames until there are enough runs for all threads to compress.
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
@@ -20,7 +20,7 @@ use crate::quantize::{
     BlockEncoder, BlockSource, Coarsening, CodePlanes, Frame, GroupCodes, Moved,
 };
 
-/// Frames wait until this many bytes of them are there, so that all threads compress at once.
+/// Frames wait until they have this many bytes, so that all threads compress at once.
 pub(super) const PENDING_BYTES: usize = 4 << 20;
 
 /// Options that all groups of a level share.
@@ -38,7 +38,7 @@ pub struct EncodeOptions<'a> {
     pub bound: ErrorBound,
     /// The place for compressed runs, if not just memory.
     pub store: Option<&'a RunStore>,
-    /// The nodes' share of pictures, where colours may err by it.
+    /// The importance of the nodes, if colour errors may depend on it.
     pub importance: Option<Importance<'a>>,
 }
 
@@ -47,18 +47,18 @@ pub struct EncodeOptions<'a> {
 pub struct Importance<'a> {
     /// Of the level's nodes.
     pub level: &'a LevelImportance,
-    /// Codes that colours may move by at a node of importance 1.
+    /// Codes by which colours may move at a node of importance 1.
     pub coarseness: f32,
 }
 
 /// The bound that values are held to as they are encoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ErrorBound {
-    /// None: the encodings were made for these very values, and their bound is proved.
+    /// No check: the encodings were made for these very values, and their bound is proved.
     Proved,
-    /// That of each encoding. Values may be others than the encoding was made for.
+    /// The bound of each encoding. Values may differ from those that the encoding was made for.
     Encoding,
-    /// These, where an encoding's bound is no less.
+    /// These bounds, unless an encoding's bound is smaller.
     Asked(MaxErrors),
 }
 
@@ -83,7 +83,7 @@ pub struct LevelEncoder<'a> {
     channel_groups: Vec<Group>,
     options: EncodeOptions<'a>,
     groups: Vec<GroupEncoder>,
-    /// The frames of each group. Locked for a moment only, for blocks are made in parallel.
+    /// The frames of each group. Locked only briefly, because blocks are made in parallel.
     frames: Mutex<Vec<GroupFrames>>,
 }
 
@@ -98,7 +98,7 @@ struct GroupEncoder {
 /// The blocks of a group that were made so far.
 #[derive(Debug, Default)]
 struct GroupFrames {
-    /// The most that coarsening moved a colour or opacity.
+    /// The largest change of a colour or opacity by coarsening.
     moved: f64,
     /// Frames that are not compressed yet.
     pending: Vec<Frame>,
@@ -139,11 +139,12 @@ impl<'a> LevelEncoder<'a> {
         Self { table, retained, codes, channel_groups, options, groups, frames }
     }
 
-    /// Takes plane `x` of a channel, counted over the groups in their order. From any thread.
+    /// Takes plane `x` of a channel; channels are counted across the groups in order. Can be called
+    /// from any thread.
     ///
     /// # Errors
     ///
-    /// A retained value that moves by more than the bound, where there is one.
+    /// A retained value that moves by more than the bound, if there is one.
     pub fn put(&self, x: usize, channel: usize, values: &[f32]) -> Result<()> {
         let Some(moved) = self.codes.put(x, channel, values) else { return Ok(()) };
         let Moved { at: [y, z], bound } = moved;
@@ -154,8 +155,8 @@ impl<'a> LevelEncoder<'a> {
         Err(Error::malformed(Place::Tensor(place), found, expected))
     }
 
-    /// Encodes the stored blocks of planes that have come. They are told about in order, each time
-    /// a block's thickness.
+    /// Encodes the stored blocks of the planes that have arrived. Calls are in order, one block's
+    /// thickness of planes each.
     pub fn take(&self, planes: Range<usize>) -> Result<()> {
         let grid = self.table.grid();
         let row = planes.start / grid.edge;
@@ -171,7 +172,7 @@ impl<'a> LevelEncoder<'a> {
             let source = BlockSource { slab: &slab, retained, place: places[i] };
             let counted = source.retained_nodes(grid.edge);
             let inherits = self.table.is_inherited(places[i]);
-            // Colours of inherited blocks follow from the next coarser level.
+            // Colours of inherited blocks are interpolated from the next coarser level.
             let stored = |group: &&GroupEncoder| !inherits || !group.group.is_color();
             let frame = |group: &GroupEncoder| {
                 let group = Some(group).filter(stored);
@@ -202,8 +203,8 @@ impl<'a> LevelEncoder<'a> {
         self.groups.iter().zip(&*all).map(bytes).sum()
     }
 
-    /// The largest error of a group's decoded values, by [`Group`]: that of its encoding, and the
-    /// error that coarsening added.
+    /// The largest error of a group's decoded values, by [`Group`]: the error of its encoding plus
+    /// the error of coarsening.
     pub fn max_errors(&self) -> [Option<f32>; GROUPS] {
         let mut errors = [None; GROUPS];
         for (group, frames) in self.groups.iter().zip(&*lock(&self.frames)) {
@@ -266,7 +267,7 @@ impl Importance<'_> {
     }
 }
 
-/// True for a group whose values count at all nodes: anisotropy would make a node visible that is
+/// True for a group whose values count at all nodes: anisotropy could make a node visible that is
 /// not retained.
 fn is_quantized_outside_mask(group: Group) -> bool {
     group == Group::Anisotropy

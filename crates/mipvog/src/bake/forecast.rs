@@ -1,11 +1,11 @@
 //! A forecast of a bake's time, memory and bytes, without baking all of it.
 //!
-//! The visible nodes are found for real: costs and bytes follow the number of retained nodes. A
-//! scene of up to [`SMALL`] nodes is then encoded whole. Of a larger one two windows along x, an
-//! eighth of the box each, are encoded, with all levels. One starts where a third of level 0's
-//! retained nodes is passed, the other where two thirds are. The forecast assumes that all retained
-//! nodes cost as much as those in the windows. Only the container is not written: its head and its
-//! tables are, into nothing, and count.
+//! The search for visible nodes runs in full, because costs and bytes depend on the number of
+//! retained nodes. A scene of up to [`SMALL`] nodes is then encoded whole. For a larger scene, two
+//! windows along x are encoded with all levels. Each is an eighth of the box. They start behind one
+//! third and two thirds of level 0's retained nodes. The forecast assumes that all retained nodes
+//! cost as much as those in the windows. The container is not written. Its head and its tables are
+//! encoded and counted, then discarded.
 
 use super::Origin;
 use super::levels::FilteredLevels;
@@ -23,10 +23,10 @@ use crate::model::baked::{GROUPS, Group, Metadata};
 use crate::model::field::RadianceField;
 use crate::model::grid::{NodeMask, Nodes};
 
-/// Nodes of a scene that is encoded whole: a fraction of a second. Levels of small scenes are too
-/// short for windows, and coarser ones have more to store at a node than level 0.
+/// Scenes of up to this many nodes are encoded whole, in a fraction of a second. Levels of small
+/// scenes are too short for windows, and coarser levels store more per node than level 0.
 const SMALL: usize = 1 << 22;
-/// Parts of the box along x, of which windows are made.
+/// Parts of the box along x. Windows consist of whole parts.
 const PARTS: usize = 16;
 /// Parts of a window.
 const LENGTH: usize = 2;
@@ -34,23 +34,23 @@ const LENGTH: usize = 2;
 /// The cost and the result of a bake that was not done.
 #[derive(Debug, Clone)]
 pub struct Forecast {
-    /// As a bake would report it. Sizes of levels leave tables out, that of the output has all.
+    /// The report of the bake. Sizes of levels exclude tables; the size of the output includes
+    /// them.
     pub report: BakeReport,
-    /// Wall-clock time of all stages; none where levels are fitted. A fit ends when nothing is
-    /// gained any more.
+    /// Wall-clock time of all stages; none if levels are fitted, because a fit ends when it stops
+    /// gaining.
     pub seconds: Option<f64>,
     /// Steps of a fit in all, at most.
     pub fit_steps: Option<usize>,
-    /// The least bound on memory that the bake would keep to; none where it has no bound.
+    /// The least bound on memory that the bake would keep to; none if it has no bound.
     pub least_memory_bytes: Option<u64>,
-    /// Bytes that will be held at once beyond those that were held for the windows: compressed runs
-    /// wait until the coarsest level is there. None where levels are fitted: a fit holds pictures
-    /// and whole levels.
+    /// Bytes that the bake holds at once beyond those of the windows: compressed runs wait for the
+    /// coarsest level. None if levels are fitted: a fit holds pictures and whole levels.
     pub more_memory_bytes: Option<u64>,
-    /// The most that the bake takes, where windows were measured: what a bake holds beside them is
-    /// counted, not measured. None for a scene that was encoded whole, and where levels are held.
+    /// Peak memory of the bake, if windows were measured: the rest is computed, not measured. None
+    /// for a scene that was encoded whole, and if whole levels are held.
     pub most_memory_bytes: Option<u64>,
-    /// Bytes that will be read of the input beyond those that were read for the windows.
+    /// Bytes of the input that the bake reads beyond those that the windows read.
     pub more_bytes_read: u64,
 }
 
@@ -58,7 +58,7 @@ pub struct Forecast {
 ///
 /// # Errors
 ///
-/// A search for errors that fit into a number of bytes is not forecast. Otherwise as a bake's.
+/// The errors of a bake, and a search for a number of bytes, which cannot be forecast.
 pub fn forecast(
     field: &RadianceField,
     options: &BakeOptions,
@@ -71,7 +71,7 @@ pub fn forecast(
     forecast_by(field, options, is_small, progress)
 }
 
-/// The forecast, of all of the scene or of windows.
+/// The forecast, from the whole scene or from windows.
 fn forecast_by(
     field: &RadianceField,
     options: &BakeOptions,
@@ -135,12 +135,12 @@ fn forecast_by(
     for (number, level) in levels.iter_mut().enumerate() {
         let bytes = bytes(&encoded[number]);
         held += bytes;
-        // A level that no window meets takes as much a node as the next finer one.
+        // A level that no window overlaps takes as much per node as the next finer one.
         if part[number] > 0 {
             bytes_per_node = bytes as f64 / part[number] as f64;
         }
         if part[number] == 0 && options.max_error.is_some() {
-            // Its values were not looked at, and encodings follow from them.
+            // Its encodings depend on its values, which were not read.
             (level.max_opacity_error, level.max_color_error) = (None, None);
             level.groups.iter_mut().for_each(|g| (g.bits, g.max_error) = (None, None));
         }
@@ -156,7 +156,7 @@ fn forecast_by(
     };
     // Runs that find no room in memory wait in a file.
     let more_held = output_bytes.min(memory.run_bytes).saturating_sub(held);
-    // Inheritance holds the codes of level 0's colours as they are and as they will be.
+    // Inheritance holds the codes of level 0's colours twice: before and after.
     let color = metadata.levels.first().and_then(|level| level.encoding(Group::Diffuse));
     let code = color.map_or(0, |encoding| encoding.number.bytes());
     let more_codes = 2 * more_frames * options.block_size.pow(3) * field.color_channels() * code;
@@ -220,14 +220,14 @@ fn window_starts(retained: &NodeMask) -> [usize; 2] {
             passed += count;
             3 * passed > third * all
         });
-        // One part before it is in the window too, but for that at the box's end.
+        // The part before it is in the window too, except at the end of the box.
         part.unwrap_or(0).clamp(1, PARTS - LENGTH + 1) - 1
     })
 }
 
-/// The nodes of a level inside the windows, whole rows of blocks. A level 0 that is too short for
-/// windows is inside as a whole. A coarser level that is too short is outside: everything around
-/// the windows goes into it, and it hardly counts itself.
+/// The nodes of a level inside the windows, in whole rows of blocks. If level 0 is too short for
+/// windows, all of it is inside. A coarser level that is too short is outside: it would read
+/// everything around the windows, and hardly counts itself.
 fn windows(nodes: Nodes, edge: usize, level: usize, starts: [usize; 2]) -> Result<NodeMask> {
     let full = NodeMask::full(nodes);
     let rows = nodes.0[0].div_ceil(edge);
@@ -251,7 +251,7 @@ mod tests {
     use super::*;
     use crate::base::progress::Silent;
 
-    /// Waves that are alike everywhere along x.
+    /// Waves that repeat along x.
     fn waves() -> RadianceField {
         let nodes = [64, 20, 24];
         let [_, ny, nz] = nodes;
@@ -275,7 +275,7 @@ mod tests {
             let (whole, windows) = (by(true).report, by(false).report);
             let ratio = windows.output_bytes as f64 / whole.output_bytes as f64;
             assert!((0.85..1.15).contains(&ratio), "{ratio}");
-            // Windows do not meet levels that are short, and encodings follow from their values.
+            // Windows skip short levels, whose encodings depend on their values.
             for level in &windows.levels {
                 let is_unknown = max_error.is_some() && level.level > 0;
                 assert!(level.groups.iter().all(|group| group.bits.is_none() == is_unknown));

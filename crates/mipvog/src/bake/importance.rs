@@ -1,11 +1,11 @@
 //! Importance of each level's nodes to given cameras, or to viewers in the empty space nearby.
 //!
 //! That of one level is measured ([`crate::view::render::camera_coverage`],
-//! [`crate::levels::importance`]). A camera that looks at level `k` is `2^k` times as far away, and
-//! its picture of that level is like one of level 0. So a coarser node is as important, against the
-//! unit of its level, as the finer nodes around it are against the unit of theirs. Each coarser
-//! level's importance is therefore the one before it, averaged and resized as levels are, in a unit
-//! of its own again. Finer levels take the measured one between its nodes.
+//! [`crate::levels::importance`]). A camera that looks at level `k` is `2^k` times as far away, so
+//! its picture of that level resembles one of level 0. A coarser node is therefore as important, in
+//! the unit of its level, as the finer nodes around it are in theirs. Each coarser level takes the
+//! importance of the level before it, averaged and resized like values, then normalized to its own
+//! unit. Finer levels interpolate the measured importance.
 
 use std::sync::Arc;
 
@@ -17,16 +17,16 @@ use crate::levels::visibility::{LinearTap, linear_tap};
 use crate::model::grid::Nodes;
 use crate::view::render::CameraCoverage;
 
-/// Of one level's nodes.
+/// Importance of one level's nodes.
 #[derive(Debug)]
 pub struct LevelImportance {
-    /// That of squared errors of colours, at nodes of this level or of a coarser one.
+    /// Importance of squared colour errors, at the nodes of this level or of a coarser one.
     color: Arc<NodeImportance>,
 }
 
 impl LevelImportance {
-    /// Of every level to cameras, finest first; none where nothing depends on it. The unit is the
-    /// mean of a level's nodes that have any.
+    /// Importance of every level to cameras, finest first; none if nothing depends on it. The unit
+    /// is the mean over a level's nodes with importance above 0.
     pub fn of_cameras(
         coverage: CameraCoverage,
         sizes: &[Nodes],
@@ -39,7 +39,7 @@ impl LevelImportance {
         Self::of_levels(finest, sizes, in_units_of_mean)
     }
 
-    /// Of every level to viewers nearby, finest first, from the one that was measured.
+    /// Importance of every level to viewers nearby, finest first, from the measured level.
     pub fn of_nearby(measured: NodeImportance, sizes: &[Nodes]) -> Vec<Self> {
         Self::of_levels(measured, sizes, NodeImportance::with_values)
     }
@@ -60,7 +60,7 @@ impl LevelImportance {
         sizes.iter().map(level).collect()
     }
 
-    /// That of the node at a place of the level, which has so many nodes.
+    /// Importance of the node at a place of the level, which has `nodes` nodes.
     pub fn node(&self, nodes: [usize; 3], at: [usize; 3]) -> f32 {
         let NodeImportance { nodes: Nodes(own), values } = &*self.color;
         let value = |[x, y, z]: [usize; 3]| values[(x * own[1] + y) * own[2] + z];

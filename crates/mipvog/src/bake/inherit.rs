@@ -1,11 +1,11 @@
 //! Blocks that inherit their colours from the next coarser level.
 //!
 //! From the second coarsest level to level 0, each block's colours are compared with those that a
-//! reader would interpolate from the next coarser level
-//! ([`crate::quantize::InheritedColors`]). If no retained node's colour would move by more
-//! than is allowed, the block's own colours are left out; its density stays. Coarser levels are
-//! decided first, so blocks are compared with the readers' own colours. Memory is the colours'
-//! codes of one level and of the next coarser one.
+//! reader would interpolate from the next coarser level ([`crate::quantize::InheritedColors`]). If
+//! no retained node's colour would move by more than the limit, the block's own colours are
+//! dropped; its density stays. Coarser levels are decided first, so each block is compared with the
+//! colours that readers see. Memory holds the colour codes of one level and of the next coarser
+//! one.
 
 use super::importance::LevelImportance;
 use crate::base::error::Result;
@@ -24,15 +24,14 @@ const COLORS: usize = Group::COLORS.len();
 /// The blocks that may inherit their colours.
 #[derive(Debug, Clone, Copy)]
 pub struct Inheritance<'a> {
-    /// The most that a retained node's colour may move by, 0 to 1, at mean importance.
+    /// The largest allowed move of a retained node's colour, 0 to 1, at mean importance.
     pub error: f32,
-    /// Only blocks that these tables of the levels say inherit already; none means any block.
+    /// Tables of the levels whose inheriting blocks may inherit; none allows any block.
     pub among: Option<&'a [Table]>,
 }
 
-/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by as much as
-/// that moves values. `level_nodes` gives each level's retained nodes, and their importance to
-/// cameras.
+/// Lets blocks of encoded levels inherit their colours. The metadata's errors grow by the largest
+/// move. `level_nodes` gives each level's retained nodes, and their importance to cameras.
 pub fn inherit_levels<'a>(
     encoded: &mut [EncodedLevel],
     metadata: &mut Metadata,
@@ -134,12 +133,12 @@ struct InheritanceTest<'a> {
     grid: BlockGrid,
     retained: &'a NodeMask,
     importance: Option<&'a LevelImportance>,
-    /// Largest move of a retained node's colour, if its importance is 1 or none is known.
+    /// Largest allowed move of a retained node's colour if its importance is 1 or unknown.
     max_shift: f64,
 }
 
 impl InheritanceTest<'_> {
-    /// The largest move of a colour of each group if the block inherits; none if that is too much.
+    /// The largest colour move of each group if the block inherits; none if it exceeds the limit.
     fn color_shifts(
         &self,
         place: [usize; 3],
@@ -230,7 +229,7 @@ fn atlas(shape: FrameShape, codes: &Codes, zstd_level: i32) -> Result<EncodedAtl
     let (count, full) = (codes.len() / size, frames_per_run(shape));
     let runs = parallel::map(count.div_ceil(full), |run| {
         let frames: Vec<Frame> = (run * full..count.min((run + 1) * full)).map(frame).collect();
-        // Every code counts: codes of don't-care nodes were chosen when the level was encoded.
+        // Every code must match: codes of don't-care nodes were chosen when the level was encoded.
         CompressedRun::new(shape, &frames, 0, zstd_level)
     })?;
     EncodedAtlas::new(full, runs)

@@ -5,13 +5,13 @@ use crate::base::progress::{Progress, Step};
 use crate::levels::{Plane, PlaneSink, ReadSummary};
 use crate::model::grid::NodeMask;
 
-/// A source of all levels' planes, as they are to be stored.
+/// A source of the planes of all levels, as stored.
 pub trait LevelSource {
     /// Streams all levels into `sink` and returns the record of reading.
     ///
     /// # Errors
     ///
-    /// Those of reading and of the sink.
+    /// Errors of reading and of the sink.
     fn stream(
         &self,
         sink: &dyn PlaneSink,
@@ -19,12 +19,12 @@ pub trait LevelSource {
         progress: &dyn Progress,
     ) -> Result<ReadSummary>;
 
-    /// Shows the planes of level 0 that coarser levels are means of, with the nodes that count; none
-    /// where coarser levels hold other values. The record is that of reading.
+    /// Shows the planes of level 0 of which coarser levels are means, with the nodes that count;
+    /// none if coarser levels hold other values. Returns the record of reading.
     ///
     /// # Errors
     ///
-    /// Those of reading.
+    /// Errors of reading.
     fn read_finest(
         &self,
         _see: &(dyn Fn(Plane, &NodeMask) + Sync),

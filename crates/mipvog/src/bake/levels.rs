@@ -21,19 +21,19 @@ pub struct FilteredLevels<'a> {
     pub planes: &'a Planes<'a>,
     /// The filter, and the block size, which is the thickness of slabs.
     pub options: &'a BakeOptions,
-    /// The nodes that must come out right.
+    /// The nodes whose values must be exact.
     pub visible: &'a Visible,
     /// Levels that were fitted.
     pub fitted: Option<&'a Fitted>,
     /// True if slabs are encoded while the next ones are made.
     pub pipelined: bool,
-    /// True if only windows of the field are retained, for a forecast. Planes outside are left out,
-    /// and checksums are not held to those that the file states.
+    /// True if only windows of the field are retained, for a forecast. Planes outside are skipped,
+    /// and checksums are not compared with those in the file.
     pub is_window: bool,
 }
 
 impl FilteredLevels<'_> {
-    /// True if codes of some values are laid over their range.
+    /// True if some encodings are fitted to the range of their values.
     pub fn is_laid_over_values(&self) -> bool {
         let field = self.planes.field();
         let integers = matches!(self.options.bits, Bits::Integer(_));
@@ -48,7 +48,7 @@ impl FilteredLevels<'_> {
         let averages_alpha = filter.alpha(&planes.field().scene.activation).is_some();
         let mut retained = Vec::with_capacity(visible.levels.len());
         for (level, visible) in visible.levels.iter().enumerate() {
-            // Colours are divided by the alpha of the nodes around too.
+            // Colours also need the alpha of neighbouring nodes, as a divisor.
             retained.push(match averages_alpha && level > 0 {
                 true => visible.retained.cells_with_a_corner()?.corners()?,
                 false => visible.retained.clone(),
@@ -125,7 +125,7 @@ impl LevelSource for FilteredLevels<'_> {
     }
 }
 
-/// Puts fitted values in the place of filtered ones.
+/// Replaces filtered values by fitted ones.
 struct FittedSink<'a> {
     fitted: &'a Fitted,
     sink: &'a dyn PlaneSink,
@@ -139,7 +139,7 @@ impl PlaneSink for FittedSink<'_> {
         let (nodes, first) = (plane.values.len(), self.channels);
         self.fitted.replace(level, x, channel, plane.values);
         self.sink.plane(plane)?;
-        // No filter makes the rest: it comes after the density of its plane.
+        // Filters do not make the other channels: they come after the density of their plane.
         let others = [self.fitted.directional(level), self.fitted.anisotropy(level)];
         let others = others.into_iter().filter(|_| channel == 0).flatten().flatten();
         for (number, values) in others.enumerate() {

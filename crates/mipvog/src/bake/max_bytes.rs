@@ -1,9 +1,10 @@
 //! The best quality that fits into a number of bytes.
 //!
-//! Quality is one number: the factor of the errors of `--preset web`, which divide bytes well
-//! between the groups, and of the codes that colours may move by. Factors go down by an eighth root of two from one to the next. The smallest
-//! that fits is found by halving the rest, so the result depends on nothing but the sizes. Where
-//! the coarsest error does not fit, the finest level is dropped, then the next.
+//! Quality is one factor: on the errors of `--preset web`, which divide bytes well between the
+//! groups, and on the codes by which colours may move. Each factor is the eighth root of two times
+//! the next smaller one. A binary search finds the smallest factor that fits, so the result depends
+//! only on the sizes. If the largest error does not fit, the finest level is dropped, then the
+//! next.
 
 use std::fmt;
 
@@ -13,7 +14,7 @@ use super::MaxErrors;
 use super::quality::errors_of;
 use crate::base::error::{Error, ErrorKind, Result};
 
-/// The largest factor: the error of opacity is then the largest that may be asked for.
+/// The largest factor: the error of opacity then reaches its upper limit.
 const LARGEST: f64 = 12.5;
 /// Factors on each halving, and how many there are.
 const PER_HALVING: usize = 8;
@@ -62,12 +63,12 @@ impl fmt::Display for Chosen {
     }
 }
 
-/// Finds the smallest factor with which `attempt(finest levels dropped, factor)` has at most
-/// `max_bytes` bytes, of a container of so many levels.
+/// Finds the smallest factor for which `attempt(finest levels dropped, factor)` has at most
+/// `max_bytes` bytes, for a container of `levels` levels.
 ///
 /// # Errors
 ///
-/// [`crate::base::error::ErrorKind::InvalidOption`] where nothing fits; those of `attempt`.
+/// [`crate::base::error::ErrorKind::InvalidOption`] if nothing fits; errors of `attempt`.
 pub fn search<T>(
     max_bytes: u64,
     levels: usize,
@@ -76,7 +77,7 @@ pub fn search<T>(
     let mut least = u64::MAX;
     for dropped in 0..levels {
         let coarsest = match attempt(dropped, factor(0)) {
-            // Some levels cannot be dropped: those that are left are too large.
+            // Some levels cannot be dropped, and the remaining ones are too large.
             Err(error)
                 if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
             {

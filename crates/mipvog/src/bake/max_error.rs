@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::base::error::{Error, Result};
 use crate::model::baked::{GROUPS, Group};
 
-/// The range of an error. Hardly anything but f32 keeps smaller ones; larger ones say nothing.
+/// The range of an error. Smaller errors need f32; larger ones are meaningless.
 const RANGE: std::ops::RangeInclusive<f32> = 1e-6..=0.25;
 
 /// The largest error of each group: of opacity over one interval for density and for anisotropy, of
@@ -56,7 +56,7 @@ impl MaxErrors {
         self
     }
 
-    /// All of them `factor` times as large, with three digits, as far as they may be.
+    /// All errors times `factor`, rounded to three digits and clamped to the range.
     #[must_use]
     pub fn scaled(mut self, factor: f64) -> Self {
         for error in &mut self.by_group {
@@ -67,7 +67,7 @@ impl MaxErrors {
         self
     }
 
-    /// Those that a level is held to: their [`level_share`].
+    /// The errors of a level: their [`level_share`].
     #[must_use]
     pub fn of_level(self, level: usize) -> Self {
         if level < 2 { self } else { self.scaled(level_share(level)) }
@@ -78,13 +78,13 @@ impl MaxErrors {
         self.by_group[group.index()]
     }
 
-    /// The one that all groups have, if they do.
+    /// The error that all groups share, if they do.
     fn common(&self) -> Option<f32> {
         let [density, others @ ..] = self.by_group;
         others.iter().all(|&other| other == density).then_some(density)
     }
 
-    /// As few numbers as say all, each as `shown`.
+    /// The shortest list of numbers, each formatted by `shown`.
     fn text(&self, shown: impl Fn(f32) -> String) -> String {
         match self.common() {
             Some(error) => shown(error),
@@ -116,7 +116,7 @@ impl MaxErrors {
         Error::require_option(fits, "max_error", self, "1e-6 to 0.25")
     }
 
-    /// As provenance and reports say it: a number where all are the same, else text.
+    /// As in provenance and reports: a number if all are equal, else text.
     pub fn to_json(&self) -> Value {
         self.common().map_or_else(|| self.to_string().into(), Value::from)
     }
@@ -127,9 +127,9 @@ impl MaxErrors {
     }
 }
 
-/// The share of errors that a level is held to: from level 2 on half of that of the level before. A
-/// far picture reads few nodes, so their errors do not cancel out. There are few such nodes, so
-/// more bits for them are few bytes.
+/// The share of the errors that a level may have: from level 2 on, half the share of the level
+/// before. Distant pictures read few nodes, whose errors do not average out. These nodes are few,
+/// so more bits for them cost few bytes.
 pub fn level_share(level: usize) -> f64 {
     libm::exp2(1.0 - level.max(1) as f64)
 }

@@ -1,12 +1,12 @@
 //! The memory of bakes, within a bound or without one.
 //!
-//! Everything that a bake holds at once follows from sizes and the number of threads, except the
-//! compressed runs. So all else is counted beforehand, as if no plane were empty: planes on their
-//! way through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
+//! Everything that a bake holds at once, except compressed runs, depends on sizes and the number of
+//! threads alone. So it is computed beforehand, as if no plane were empty: planes on their way
+//! through the levels, bits of nodes, visibility. The rest of the bound is for compressed runs
 //! ([`super::run_store`]); runs beyond it wait in a nameless file on the output's disk. If the
-//! bound is too small even so, slabs are encoded in turn with the making of the next ones, which
-//! halves the planes. No byte of the output depends on either. A bake without a bound keeps a fixed
-//! amount of runs in memory.
+//! bound is still too small, slabs are encoded before the next ones are made, which halves the
+//! planes. The output does not depend on either. A bake without a bound keeps a fixed amount of
+//! runs in memory.
 //!
 //! Memory is that of the process as the operating system counts it, with the program itself.
 
@@ -28,13 +28,13 @@ use crate::quantize::{Bits, FrameShape, encoder_bytes};
 const PROGRAM_BYTES: u64 = 15_872 << 10;
 /// Memory of a thread that compresses runs, beside the frames that it keeps; measured.
 const THREAD_BYTES: u64 = 400 << 10;
-/// Allocators keep what a thread frees for that thread. So threads fill up with frames that they
-/// made, up to this share of all that ever wait at once; measured.
+/// Allocators keep freed memory for the thread that freed it. So each thread accumulates the frames
+/// that it made, up to this share of the most that wait at once; measured.
 const KEPT_SHARE: (u64, u64) = (1, 2);
-/// Frames that a thread keeps a share of, at most.
+/// Upper limit of the frames of which a thread keeps a share.
 const KEPT_BYTES: u64 = 8 << 20;
 
-/// Errors from here on take integers of 16 bits or fewer; smaller ones may take float32.
+/// Errors from here on fit integers of 16 bits or fewer; smaller ones may need float32.
 const FEW_BITS_ERROR: f32 = 1.0 / 16_384.0;
 
 /// Compressed runs that stay in memory if there is no bound. Writing the rest and reading it again
@@ -51,7 +51,7 @@ pub struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// For a bake within its bound, or as fast as it goes if there is none.
+    /// For a bake within its bound, or for the fastest bake if there is none.
     ///
     /// # Errors
     ///
@@ -64,14 +64,14 @@ impl MemoryPlan {
         }
     }
 
-    /// The least bound that a bake would keep to; none where its options allow no bound.
+    /// The smallest bound that works for a bake; none if its options allow no bound.
     pub fn least(field: &RadianceField, options: &BakeOptions) -> Option<u64> {
         let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
         let needs = Needs { field, options, sizes: &sizes, threads: parallel::threads() as u64 };
         (!options.holds_level()).then(|| needs.bytes(false))
     }
 
-    /// The most that a bake without a bound takes whose container has so many bytes; none where its
+    /// Peak memory of a bake without a bound, for a container of this many bytes; none if its
     /// options allow no bound.
     pub fn most(field: &RadianceField, options: &BakeOptions, output_bytes: u64) -> Option<u64> {
         let sizes = options.filter.level_sizes(field.scene.nodes, options.levels);
@@ -136,7 +136,7 @@ impl Needs<'_> {
         2 * all + 4 * NodeMask::bytes(self.sizes[0])
     }
 
-    /// Planes that a plane of the next level is made of.
+    /// Input planes of a plane of the next level.
     fn window(&self) -> u64 {
         self.options.filter.weights().len() as u64 + 1
     }
@@ -146,7 +146,7 @@ impl Needs<'_> {
         4 * (nodes.0[1] * nodes.0[2]) as u64
     }
 
-    /// Planes of density on their way through the levels, and the light that is followed.
+    /// Planes of density on their way through the levels, and traced light.
     fn pruning(&self) -> u64 {
         // A slab's amounts, the planes at work in each thread, and the planes that wait for the
         // next level; each level a fourth of the last.
@@ -156,7 +156,7 @@ impl Needs<'_> {
         planes * Self::plane(self.sizes[0]) * 4 / 3 + light
     }
 
-    /// What coarser levels show otherwise from each side, unless a fit says it.
+    /// Directional terms of coarser levels, unless a fit makes them.
     fn direction(&self) -> Option<Direction> {
         Direction::of(&*self.options.filter, self.field)
     }
@@ -166,7 +166,7 @@ impl Needs<'_> {
         if self.moments_level().is_some() { self.visibility() * 3 / 2 } else { 0 }
     }
 
-    /// Importance to viewers nearby, of the level on which light is followed and of coarser ones.
+    /// Importance to viewers nearby, of the level on which light is traced and of coarser ones.
     fn importance(&self) -> u64 {
         if self.options.is_seen_nearby() { self.visibility() * 8 / 7 } else { 0 }
     }
@@ -210,8 +210,8 @@ impl Needs<'_> {
         self.sums(moments) * self.planes(level, self.thickness() + self.window()).div_ceil(2)
     }
 
-    /// Planes that came from the level before: of a slab that waits for the plane after it, and the
-    /// plane before it.
+    /// Planes from the level before: a slab that waits for the plane after it, and the plane before
+    /// it.
     fn waiting(&self, level: usize, slabs: u64) -> u64 {
         if !self.premultiplies() || level == 0 {
             return 0;
@@ -220,7 +220,7 @@ impl Needs<'_> {
         self.sums(moments) * self.planes(level, (1 + slabs) * self.thickness() + 1)
     }
 
-    /// So many planes, or all that a level has.
+    /// This many planes, or all planes of the level if it has fewer.
     fn planes(&self, level: usize, count: u64) -> u64 {
         count.min(self.sizes[level].0[0] as u64)
     }
@@ -240,7 +240,7 @@ impl Needs<'_> {
         self.channels() + direction.map_or(0, |direction| direction.channels(level) as u64)
     }
 
-    /// Sums that a level is made of.
+    /// Sums from which a level is made.
     fn sums(&self, moments: bool) -> u64 {
         let moments = if moments { MOMENTS as u64 } else { 0 };
         self.channels() + u64::from(self.premultiplies()) + moments
@@ -255,7 +255,7 @@ impl Needs<'_> {
         self.direction().and_then(|direction| direction.moments)
     }
 
-    /// Memory of the threads that compress runs at once: no more than there are runs.
+    /// Memory of the threads that compress runs at once; at most one thread per run.
     fn compressing(&self) -> u64 {
         let levels = 0..self.sizes.len();
         let waiting: u64 = levels.map(|level| self.frames(level)).sum();
@@ -281,8 +281,8 @@ impl Needs<'_> {
         (0..self.sizes.len()).flat_map(of_level).max().unwrap_or(0)
     }
 
-    /// The widest type that a level's codes may have. A search for a number of bytes tries the
-    /// smallest errors too.
+    /// The widest type of a level's codes. A search for a number of bytes also tries the smallest
+    /// errors.
     fn number_type(&self, level: usize) -> NumberType {
         let options = self.options;
         match (options.max_bytes, options.max_error, options.bits) {

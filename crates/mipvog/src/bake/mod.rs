@@ -1,22 +1,22 @@
 //! The whole bake, in its one order: visible, encodings, encode, write.
 //!
-//! 1. **Visible** ([`prepare`]): passes over density find the nodes of every level that must be
-//!    right and the blocks that are kept. With `min_weight`, nodes that given cameras do not see
+//! 1. **Visible** ([`prepare`]): passes over density find the nodes of every level whose values
+//!    must be exact, and the blocks to keep. With `min_weight`, nodes that given cameras do not see
 //!    are dropped too.
-//! 2. **Fit** ([`fit`]), if asked for: coarser levels are fitted to pictures of level 0.
+//! 2. **Fit** ([`fit`]), if requested: coarser levels are fitted to pictures of level 0.
 //! 3. **Encodings and encode** ([`pack`]): planes of all levels stream from a source ([`levels`])
-//!    into sinks. If an error is asked for instead of bits, one pass finds each level's value
+//!    into sinks. If an error is requested instead of bits, one pass finds each level's value
 //!    ranges ([`ranges`]) and the fewest bits for them. The next pass quantizes planes, cuts blocks
 //!    and compresses runs of them as they come ([`encode`]). Last, blocks inherit the colours of
-//!    the next coarser level if those are near enough to their own ([`inherit`]).
+//!    the next coarser level if those are close enough to their own ([`inherit`]).
 //! 4. **Write** ([`crate::container`]): metadata, then the levels, coarse to fine.
 //!
 //! [`run`] does all of it. [`forecast()`] does it for two windows of the field and without writing.
 //! [`repack()`] starts at step 3, with the levels of an unpacked container as the source. [`plan`]
 //! lays out tables and metadata.
 //!
-//! A bound on memory ([`memory`]) changes the place of waiting runs, and the time when slabs are
-//! encoded. Nothing depends on the number of threads: runs are cut by frame numbers.
+//! A memory bound ([`memory`]) decides where runs wait, and when slabs are encoded. Nothing depends
+//! on the number of threads: runs are cut by frame numbers.
 
 mod baker;
 mod changes;

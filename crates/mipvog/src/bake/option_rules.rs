@@ -28,7 +28,7 @@ pub fn zstd_level(level: i32) -> Result<()> {
     Error::require_option((1..=22).contains(&level), "zstd_level", level, "1 to 22")
 }
 
-/// The number that multiplies the factor of a rule of levels.
+/// The multiplier of a level rule's factor.
 pub fn lod_scale(scale: f32) -> Result<()> {
     let fits = scale > 0.0 && scale.is_finite();
     Error::require_option(fits, "lod_scale", scale, "a number above 0")

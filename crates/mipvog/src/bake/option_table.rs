@@ -1,8 +1,7 @@
-//! The options of a bake that have a text, one declaration each.
+//! The options of a bake that can be given as text, one declaration each.
 //!
-//! From a row follow the argument of `bake` with its help, the list of values that `sweep` takes,
-//! the row of the book's tables, and what a container that is baked again keeps. Ranges are
-//! [`BakeOptions::check`]'s.
+//! Each row defines the argument of `bake` with its help, the list of values for `sweep`, the row
+//! of the book's tables, and what a rebaked container keeps. Ranges are [`BakeOptions::check`]'s.
 
 use std::str::FromStr;
 
@@ -32,8 +31,8 @@ pub struct BakeOption {
     pub choices: Option<fn() -> Vec<Choice>>,
     /// Takes over a value. The flag says whether cameras see the field.
     pub set: fn(&mut BakeOptions, &str, bool) -> Result<(), String>,
-    /// For sweeps the name and the help of a list of values. In such a list, 0 stands for no value
-    /// where none is the default.
+    /// Name and help of a list of values for sweeps. In such a list, 0 stands for no value if that
+    /// is the default.
     pub list: Option<(&'static str, &'static str)>,
 }
 
@@ -88,7 +87,7 @@ pub const BAKE_OPTIONS: [BakeOption; 16] = [
         conflicts: &["bits"],
         set: |options, text, _| {
             options.max_error = Some(parsed(text)?);
-            // An error that is asked for holds at every node.
+            // A requested error holds at every node.
             options.nearby_coarseness = 0.0;
             Ok(())
         },
@@ -236,10 +235,10 @@ impl BakeOption {
         BAKE_OPTIONS.iter().find(|option| option.key == key)
     }
 
-    /// Options with one value of a list, or those that a 0 stands for.
+    /// Options with one value of a list; 0 gives the default if that is no value.
     ///
     /// # Errors
-    /// A text that is no value of it.
+    /// Text that is not a value of the option.
     pub fn set_of_list(&self, options: &mut BakeOptions, text: &str) -> Result<(), String> {
         let none_is_default = matches!(self.key, "min-weight" | "fill-error");
         let is_zero = text.parse::<f32>().is_ok_and(|value| value == 0.0);
@@ -267,7 +266,7 @@ mod tests {
             let Some((_, rest)) = option.help.split_once("[default: ") else { continue };
             let stated = rest.trim_end_matches(']');
             let mut options = BakeOptions::default();
-            // A default that is no value is none at all.
+            // A default that does not parse as a value stands for none.
             if (option.set)(&mut options, stated, false).is_ok() {
                 options.nearby_coarseness = BakeOptions::default().nearby_coarseness;
                 assert_eq!(options, BakeOptions::default(), "{}", option.key);

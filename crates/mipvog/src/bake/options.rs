@@ -17,7 +17,7 @@ use crate::quantize::Bits;
 /// Default compression level of zstd: the highest that is not a bottleneck.
 pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
 
-/// More steps than any fit needs by far.
+/// Far more steps than any fit needs.
 const MAX_FIT_STEPS: usize = 100_000;
 
 /// Options of a bake.
@@ -189,7 +189,7 @@ impl BakeOptions {
             Some(_) => true,
             None => self.nearby_coarseness > 0.0,
         };
-        // An error of inherited colours that is asked for holds at every node.
+        // A requested error of inherited colours holds at every node.
         self.coarseness == 0.0 && self.fill_error.is_none() && is_moved
     }
 

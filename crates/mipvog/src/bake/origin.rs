@@ -33,7 +33,7 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Of arrays in memory.
+    /// The origin of arrays in memory.
     pub fn of_arrays() -> Self {
         Self {
             kind: "arrays".to_owned(),
@@ -120,8 +120,8 @@ fn add_density(density: &Grid, sum: &mut Sha256) -> Result<()> {
 const CONTAINER: &str = "unpacked container";
 
 /// The provenance of a container with `changes` to one whose provenance is `before`. It names the
-/// first input, and what was changed since in one flat list, the latest last: readers of JSON bound
-/// how deep it may nest.
+/// first input, and lists all later changes in one flat list, the latest last, because JSON readers
+/// limit nesting.
 pub(super) fn provenance_of_changes(before: &Value, changes: &Value) -> Value {
     let mut earlier = Vec::new();
     let mut first = before;

@@ -21,17 +21,17 @@ use crate::levels::{Plane, PlaneSink, ReadSummary};
 use crate::model::baked::{Group, LevelMetadata, Metadata, Table};
 use crate::model::grid::NodeMask;
 
-/// Everything that codes follow from, beside the levels' metadata.
+/// Everything that determines codes, beside the levels' metadata.
 pub struct Packing<'a> {
     /// The planes.
     pub source: &'a dyn LevelSource,
     /// The nodes of each level whose values count.
     pub retained: Vec<&'a NodeMask>,
-    /// The choice of encodings; none where those in the metadata are final.
+    /// The choice of encodings; none if those in the metadata are final.
     pub choice: Option<EncodingChoice>,
     /// The bound that values are held to as they are encoded.
     pub bound: ErrorBound,
-    /// The importance of each level's nodes; empty where all count alike.
+    /// The importance of each level's nodes; empty if all count alike.
     pub importance: &'a [LevelImportance],
     /// Codes that colours may move by at nodes of importance 1.
     pub coarseness: f32,
@@ -49,7 +49,7 @@ impl Packing<'_> {
     ///
     /// # Errors
     ///
-    /// Those of the source, and a value that breaks the bound.
+    /// Errors of the source, and a value that exceeds the bound.
     pub fn run(
         &self,
         metadata: &mut Metadata,
@@ -112,7 +112,7 @@ impl PlaneSink for EncodeSink<'_> {
 }
 
 impl EncodeSink<'_> {
-    /// The encoded levels. Errors in the metadata grow by as much as coarsening moved values.
+    /// The encoded levels. Errors in the metadata grow by the largest move of coarsening.
     fn finish(self, metadata: &mut Metadata) -> Result<Vec<EncodedLevel>> {
         let finish = |(level, encoder): (&mut LevelMetadata, LevelEncoder)| {
             for (group, error) in Group::ALL.into_iter().zip(encoder.max_errors()) {

@@ -1,4 +1,4 @@
-//! Photographs that a fit takes in place of pictures of level 0.
+//! Photographs that replace pictures of level 0 in a fit.
 
 use std::path::{Path, PathBuf};
 

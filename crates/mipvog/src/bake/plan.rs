@@ -24,8 +24,8 @@ pub fn tables(visible: &Visible, edge: usize) -> Result<Vec<Table>> {
     visible.levels.iter().map(|level| table(&level.retained)).collect()
 }
 
-/// Gives the coarser levels encodings of the directional brightness and the anisotropy that were
-/// fitted, and of no others.
+/// Gives coarser levels encodings for the directional brightness and anisotropy that were fitted,
+/// and for no others.
 pub fn add_fitted(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitted) {
     let activation = metadata.activation;
     let encoding = |decode: Decode, channels: &[Vec<f32>]| {
@@ -41,7 +41,7 @@ pub fn add_fitted(metadata: &mut Metadata, options: &BakeOptions, fitted: &Fitte
     }
 }
 
-/// The parts of a node's values, with what levels show otherwise from each side or without.
+/// The parts of a node's values, with or without directional terms.
 pub fn layout(field: &RadianceField, has_direction: bool) -> ColorLayout {
     let features = field.color_channels() - 3;
     let [features, degree] = match field.harmonics() {

@@ -19,7 +19,7 @@ pub struct Prepared<'a> {
     pub sizes: Vec<Nodes>,
     /// The visible nodes.
     pub visible: Visible,
-    /// The importance of each level's nodes; empty where all count alike.
+    /// The importance of each level's nodes; empty if all count alike.
     pub importance: Vec<LevelImportance>,
 }
 
@@ -28,7 +28,7 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     ///
-    /// Those of reading; values that are not finite where those are refused; cameras that see
+    /// Errors of reading; values that are not finite, if these are refused; cameras that see
     /// nothing of a field that is not empty.
     pub fn new(
         field: &'a RadianceField,
@@ -39,7 +39,7 @@ impl<'a> Prepared<'a> {
         Self::find(field, options, false, stages, progress)
     }
 
-    /// The same of a box of a world, where light comes from empty space too.
+    /// The same for a box of a world, where light also comes from empty space.
     ///
     /// # Errors
     ///
@@ -93,7 +93,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// Refuses cameras and weights that would leave nothing of a field: they were meant for another one.
+/// Refuses cameras and weights that would drop the whole field: they were meant for another one.
 fn require_sight(coverage: &CameraCoverage, options: &BakeOptions) -> Result<()> {
     if coverage.importance.iter().all(|&importance| importance == 0.0) {
         let found = match options.seen_from.len() {

@@ -22,12 +22,12 @@ pub enum Preset {
 }
 
 /// Largest errors of `web`. They are the largest of a sweep on trained scenes whose pictures stay
-/// more than 50 dB from the unbaked scene's: 0.1 dB against photographs. Features reach pictures
-/// only through the network, which answers to them weakly: they may err by more.
+/// more than 50 dB from the unbaked scene's: 0.1 dB against photographs. Features affect pictures
+/// only through the network, and weakly, so their errors may be larger.
 pub(super) const WEB_ERRORS: MaxErrors =
     MaxErrors::new(0.02, 0.018, 0.05).with_direction(0.04, 0.04);
-/// Codes that colours of `web` may move by at nodes of importance 1 to viewers nearby. Below 1 no
-/// code of a scene moves that is seen alike everywhere.
+/// Codes by which colours of `web` may move at nodes of importance 1 to viewers nearby. Below 1, no
+/// code moves in a scene of uniform importance.
 pub(super) const WEB_NEARBY_COARSENESS: f32 = 0.4;
 
 impl Preset {

@@ -1,8 +1,8 @@
 //! One number for how much pictures may lose, in place of several options.
 //!
-//! At 75 errors are those of the preset `web`. Each 25 less doubles them, each 25 more halves them.
-//! So it is with the codes that colours may move by where viewers nearby see little. With cameras
-//! that the field is seen from, the options that use them grow by the same factor.
+//! At 75, errors are those of the preset `web`. Every 25 less doubles them, every 25 more halves
+//! them. The codes by which colours may move where viewers nearby see little scale likewise. With
+//! cameras, the options that use them scale by the same factor.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,8 +14,8 @@ use super::{BakeOptions, MaxErrors};
 const WEB: f64 = 75.0;
 /// Errors double over this much.
 const DOUBLES_OVER: f64 = 25.0;
-/// What cameras allow at [`WEB`]. Of a sweep with cameras all round, with test cameras between
-/// them, these take the fewest bytes for what their pictures lose.
+/// The options for cameras at [`WEB`]. In a sweep with cameras all around and test cameras between
+/// them, these had the smallest files for their loss.
 const MIN_WEIGHT: f64 = 1e-3;
 const COARSENESS: f64 = 1.0;
 const FILL_ERROR: f64 = 0.25;
@@ -35,8 +35,8 @@ const FILL_ERROR: f64 = 0.25;
 pub struct Quality(f64);
 
 impl Quality {
-    /// Sets the errors, and [`BakeOptions::nearby_coarseness`]; where the field is `seen` from given
-    /// cameras, also [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and
+    /// Sets the errors, and [`BakeOptions::nearby_coarseness`]; where the field is `seen` from
+    /// given cameras, also [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and
     /// [`BakeOptions::fill_error`].
     pub fn apply(self, options: &mut BakeOptions, seen: bool) {
         let factor = libm::exp2((WEB - self.0) / DOUBLES_OVER);
@@ -51,12 +51,12 @@ impl Quality {
     }
 }
 
-/// So many times the errors of `web`.
+/// The factor on the errors of `web`.
 pub(super) fn errors_of(factor: f64) -> MaxErrors {
     WEB_ERRORS.scaled(factor)
 }
 
-/// So many times the codes that colours of `web` may move by at nodes of importance 1 to viewers
+/// The factor on the codes by which colours of `web` may move at nodes of importance 1 to viewers
 /// nearby.
 pub(super) fn nearby_coarseness_of(factor: f64) -> f32 {
     (f64::from(WEB_NEARBY_COARSENESS) * factor) as f32

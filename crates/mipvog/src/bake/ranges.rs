@@ -27,15 +27,16 @@ pub enum EncodingChoice {
         /// True if a planned encoding stays unless the search finds one with fewer bits.
         only_fewer: bool,
     },
-    /// Those of so many bits, for values that are laid over their range. Others stay.
+    /// Encodings of this many bits, for groups whose encodings follow the range of values. Others
+    /// stay.
     Laid(Bits),
-    /// Those of as many bits as there are, for coefficients of functions of the view direction,
-    /// which were rotated. Others stay.
+    /// Encodings of as many bits as before, for rotated coefficients of functions of the view
+    /// direction. Others stay.
     Directional,
 }
 
 impl EncodingChoice {
-    /// The encoding of values in `range`; none where the planned one stays.
+    /// The encoding for values in `range`; none if the planned one stays.
     fn encoding(
         self,
         planned: &Encoding,
@@ -112,7 +113,7 @@ impl<'a> RangeSink<'a> {
         lock(range).join(&own);
     }
 
-    /// Gives coarser levels the ranges that means of level 0's values may have.
+    /// Gives coarser levels the ranges that means of level 0's values can have.
     fn take_means(&mut self) {
         let Some((finest, coarser)) = self.levels.split_first_mut() else { return };
         let unlocked = |range: &mut Mutex<ValueRange>| {
@@ -128,8 +129,8 @@ impl<'a> RangeSink<'a> {
         }
     }
 
-    /// The ranges of values that are laid over them, from level 0 alone where coarser levels are
-    /// means of it; else from all levels of `source`.
+    /// The ranges of values whose encodings follow them: from level 0 alone if coarser levels are
+    /// means of it, else from all levels of `source`.
     pub fn read(
         metadata: &Metadata,
         retained: &[&'a NodeMask],
@@ -149,7 +150,7 @@ impl<'a> RangeSink<'a> {
         Ok((sink, summary))
     }
 
-    /// Replaces the encodings of the metadata's levels by those that are chosen.
+    /// Replaces the encodings of the metadata's levels by the chosen ones.
     pub fn choose_encodings(self, choice: EncodingChoice, metadata: &mut Metadata) -> Result<()> {
         let parts = metadata.parts().count();
         let own = |part| (metadata.level_of_part(part), activation_of(metadata, part));

@@ -1,13 +1,12 @@
 //! A container, packed again.
 //!
 //! Levels, encodings, ranges and occupancy are taken as they are: nothing is filtered or pruned,
-//! and encodings are searched only where an error or a size is asked for. Decoding and encoding are
-//! inverse for codes, so without changes the result is the same file, byte for byte. What is
-//! emptied, cropped or dropped ([`super::edit`]) is so before.
+//! and encodings are searched only if an error or a size is requested. Decoding and encoding are
+//! inverse for codes, so without changes the result is the same file, byte for byte. Edits
+//! ([`super::edit`]) come first.
 //!
-//! **Errors add up.** A value that is quantized a second time is as far from the trained one as
-//! both quantizations moved it. So the error of a changed encoding is that of the old one and its
-//! own.
+//! **Errors add up.** Each quantization moves a value. So the error of a changed encoding is the
+//! sum of the old encoding's error and its own.
 
 use std::io;
 
@@ -38,8 +37,8 @@ use crate::unpacked::Unpacked;
 /// Packs `unpacked` into `output`, which is complete but not yet finished when this returns.
 ///
 /// Blocks that inherit their colours were unpacked with those colours. Each is encoded like any
-/// other block, and inherits again if that gives exactly its codes. So edited values are kept, and
-/// a changed encoding or number of levels breaks no bound.
+/// other block, and inherits again only if that gives exactly its codes. So edited values are kept,
+/// and changes of encodings or of the number of levels keep every bound.
 ///
 /// # Errors
 ///
@@ -58,7 +57,7 @@ pub fn repack(
     }
     let mut stages = Stages::start();
     let stated = unpacked.provenance["options"]["zstd_level"].as_i64();
-    // Provenance is what its writer says: a level that zstd lacks stands for none.
+    // Provenance is not validated: a level that zstd does not have counts as none.
     let stated = stated.and_then(|level| i32::try_from(level).ok());
     let stated = stated.filter(|&level| option_rules::zstd_level(level).is_ok());
     let zstd_level = changes.zstd_level.or(stated).unwrap_or(super::options::DEFAULT_ZSTD_LEVEL);
@@ -100,7 +99,7 @@ pub fn repack(
     })
 }
 
-/// Refuses changes that a container of nested boxes does not have.
+/// Refuses changes that nested boxes do not support.
 fn refuse_of_worlds(unpacked: &Unpacked, changes: &Changes) -> Result<()> {
     let shells = unpacked.metadata.shells.len();
     if shells == 0 {
@@ -121,7 +120,7 @@ fn refuse_of_worlds(unpacked: &Unpacked, changes: &Changes) -> Result<()> {
     Error::require_option(levels > shells, "levels", levels, &expected)
 }
 
-/// The container without what the changes empty or drop, at its new place.
+/// The container after all edits, at its new place.
 fn edited(
     unpacked: &Unpacked,
     changes: &Changes,
@@ -129,7 +128,7 @@ fn edited(
 ) -> Result<(Unpacked, Option<IslandReport>)> {
     let mut edited = unpacked.clone();
     edit::drop_outermost(&mut edited, changes.without_outermost)?;
-    // What is left of a world may be one box, which has more changes.
+    // A world may be reduced to one box, which supports more changes.
     let of_world = changes.crop.filter(|_| !edited.metadata.shells.is_empty());
     of_world.map_or(Ok(()), |bounds| edit::crop_world(&mut edited, &bounds))?;
     refuse_of_worlds(&edited, changes)?;
@@ -187,7 +186,7 @@ impl Repacking<'_> {
     fn pack(&mut self, edited: &Unpacked, max_errors: Option<MaxErrors>) -> Result<Packed> {
         let mut metadata = edited.metadata.clone();
         self.changes.apply(&mut metadata);
-        // Coarsest levels that were dropped stand before the shells.
+        // Dropped coarsest levels precede the shells.
         let mut levels = edited.levels.clone();
         levels.drain(metadata.levels.len()..edited.metadata.levels.len());
         let levels = &*levels;
@@ -211,8 +210,8 @@ impl Repacking<'_> {
                 (None, Some(bits)) => Some(EncodingChoice::Laid(bits)),
                 (None, None) => None,
             },
-            // Arrays can be edited, and encodings were made for the values before. Rotated values are
-            // no codes: where an encoding stays, they are as close to them as it says.
+            // Arrays may have been edited since the encodings were made. Rotated values are not
+            // codes: where an encoding stays, its error holds.
             bound: max_errors
                 .filter(|_| !self.changes.placement.rotates())
                 .map_or(ErrorBound::Encoding, ErrorBound::Asked),
@@ -233,7 +232,7 @@ impl Repacking<'_> {
         Ok(packed)
     }
 
-    /// True if it is the container that was there.
+    /// True if the container is unchanged.
     fn is_unchanged(&self, edited: &Unpacked, packed: &Packed) -> Result<bool> {
         let unpacked = self.unpacked;
         let unchanged = packed.metadata == unpacked.metadata
@@ -241,7 +240,7 @@ impl Repacking<'_> {
             && edited.free_space == unpacked.free_space
             && self.changes.drop_islands.is_none();
         match unpacked.content.filter(|_| unchanged) {
-            // Dense arrays, and the network beside them, can be edited.
+            // Dense arrays and their network can have been edited.
             Some(content) => {
                 let head = packed.head(edited, self.zstd_level, self.limits);
                 Ok(container::content_checksum_of(&head, &packed.encoded)? == content)
@@ -250,7 +249,7 @@ impl Repacking<'_> {
         }
     }
 
-    /// The best container of at most so many bytes.
+    /// The best container of at most this many bytes.
     fn within(&mut self, edited: &Unpacked, bytes: u64) -> Result<(Packed, Chosen)> {
         let whole = self.attempt(edited, None)?;
         if whole.bytes <= bytes {
@@ -289,7 +288,7 @@ impl Repacking<'_> {
     }
 }
 
-/// Adds the errors that values had to those of encodings that are not the ones before.
+/// Adds the old errors of values to those of encodings that changed.
 fn add_errors(metadata: &mut Metadata, before: &Metadata) {
     let codes = |encoding: &Encoding| Encoding { max_error: 0.0, ..encoding.clone() };
     for (level, before) in metadata.parts_mut().zip(before.parts()) {

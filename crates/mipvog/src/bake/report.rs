@@ -95,7 +95,7 @@ pub struct FitReport {
 }
 
 impl FitReport {
-    /// Of a container that lacks so many of the finest levels: the others are counted anew.
+    /// Renumbers levels for a container without this many of the finest ones.
     pub(super) fn without_finest(fitted: Fitted, dropped: usize) -> Self {
         let Fitted { level_of_detail, mut levels, cut_short, .. } = fitted;
         levels.retain(|fitted| fitted.level >= dropped);
@@ -221,7 +221,7 @@ impl Stages {
         self.clock = Instant::now();
     }
 
-    /// Makes one stage of those of the same name, in the place of the first.
+    /// Merges stages of the same name into the first one.
     pub(super) fn join_same(&mut self) {
         let mut joined: Vec<StageReport> = Vec::new();
         for stage in self.list.drain(..) {
@@ -242,7 +242,7 @@ impl Stages {
     }
 }
 
-/// The nodes that were dropped of each level, but for so many of the finest ones.
+/// The dropped nodes of each level, without this many of the finest levels.
 pub(super) fn prune_reports(visible: &Visible, dropped: usize) -> Vec<PruneReport> {
     let report = |(level, visible): (usize, &VisibleLevel)| PruneReport {
         level,

@@ -33,8 +33,8 @@ use crate::view::render::TrainedLevels;
 ///
 /// # Errors
 ///
-/// Options that contradict each other or the field, reading, writing, values that are not finite
-/// where those are refused, and a request to stop.
+/// Options that contradict each other or the field, reading, writing, values that are not finite,
+/// if these are refused, and a request to stop.
 pub fn bake(
     field: &RadianceField,
     options: &BakeOptions,
@@ -78,7 +78,7 @@ pub fn bake(
         pipelined: memory.pipelined,
         is_window: false,
     };
-    // A search holds the best container so far beside the one that it tries.
+    // A search holds two containers: the best so far and the current one.
     let share = if options.max_bytes.is_some() { 2 } else { 1 };
     let folder = output.folder();
     let mut packer = Packer {
@@ -158,7 +158,7 @@ impl Packer<'_> {
         Ok(Packed { metadata, encoded, nonfinite_color: summary.nonfinite_color })
     }
 
-    /// The best container of at most so many bytes; `head` has its parts beside the levels.
+    /// The best container of at most this many bytes; `head` has its parts beside the levels.
     fn within(&mut self, bytes: u64, head: &Head) -> Result<(Packed, Chosen)> {
         let is_moved = self.options.is_seen_nearby() && !self.importance.is_empty();
         max_bytes::search(bytes, self.metadata.levels.len(), |dropped, factor| {
@@ -184,8 +184,8 @@ struct Packed {
 }
 
 impl Packed {
-    /// Drops the finest levels, whose codes are the first. `false` where other codes would have to
-    /// change: those that are numbers themselves cannot be scaled by their encoding.
+    /// Drops the finest levels, whose codes come first. Returns `false` if other codes would have
+    /// to change: float codes cannot be scaled by their encoding.
     fn drop_finest(&mut self, count: usize) -> Result<bool> {
         let scales = edit::drop_from_metadata(&mut self.metadata, count)?;
         self.encoded.drain(..count);
@@ -199,7 +199,7 @@ impl Packed {
 /// How much values may move.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Precision {
-    /// Errors of the values; none where bits count.
+    /// Errors of the values; none if bits are given.
     max_errors: Option<MaxErrors>,
     /// Codes that colours may move by at nodes of importance 1.
     moved_codes: f32,
@@ -215,7 +215,7 @@ impl Precision {
         Self { max_errors: options.max_error, moved_codes }
     }
 
-    /// So many times that of the preset `web`.
+    /// The factor on the preset `web`.
     pub fn of_factor(factor: f64, options: &BakeOptions) -> Self {
         let moved_codes = match options.is_seen_nearby() {
             true => nearby_coarseness_of(factor),
@@ -265,8 +265,8 @@ pub(super) fn write(
     Ok(entries)
 }
 
-/// Options as the provenance states them. A fit that was cut short states its steps too, because
-/// nothing else tells it from another one.
+/// Options as the provenance states them. A fit that was cut short also states its steps, which
+/// alone distinguish it from a complete one.
 fn resolved(options: &BakeOptions, fitted: Option<&Fitted>) -> Value {
     let mut resolved = options.to_json();
     if let Some(fitted) = fitted.filter(|fitted| fitted.cut_short) {

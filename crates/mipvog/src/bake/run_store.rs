@@ -1,4 +1,4 @@
-//! A place for compressed runs that wait until the coarsest level is there.
+//! Storage for compressed runs that wait for the coarsest level.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -8,7 +8,7 @@ use crate::base::error::Result;
 use crate::base::lock::lock;
 use crate::container::CompressedRun;
 
-/// Memory for compressed runs, and a file for those that find no room in it.
+/// Memory for compressed runs, and a file for the rest.
 #[derive(Debug)]
 pub struct RunStore {
     /// The folder of the file.
@@ -24,7 +24,7 @@ struct State {
 }
 
 impl RunStore {
-    /// For this many bytes in memory; other runs go to a nameless file on the disk of `folder`.
+    /// For this many bytes in memory; further runs go to an unnamed file on the disk of `folder`.
     pub fn new(bytes: u64, folder: &Path) -> Self {
         let state = State { bytes_left: bytes, spill: None };
         Self { folder: folder.to_owned(), state: Mutex::new(state) }
@@ -42,7 +42,7 @@ impl RunStore {
         }
     }
 
-    /// Counts a run of this many bytes. The file, if memory has no room for them.
+    /// Counts a run of this many bytes. Returns the file if it exceeds the memory.
     fn spill_for(&self, bytes: u64) -> Result<Option<Arc<Spill>>> {
         let mut state = lock(&self.state);
         if let Some(rest) = state.bytes_left.checked_sub(bytes) {

@@ -13,7 +13,7 @@ use crate::unpacked::UnpackedLevel;
 pub struct UnpackedLevels<'a> {
     /// Levels, finest first, then shells.
     pub levels: &'a [UnpackedLevel],
-    /// Its encodings say what is there.
+    /// Its encodings determine its groups.
     pub metadata: &'a Metadata,
 }
 

@@ -1,20 +1,20 @@
-//! The values that physically based filters average: alpha, and colours premultiplied by it.
+//! The values that physically based filters average: alpha and premultiplied colours.
 //!
 //! Logits are not linear: the mean of -60 and +10 is nearly empty, although half the space is
 //! opaque, and an empty node's colour counts as much as a wall's. So level 0 is premultiplied on
-//! its way up. Density becomes alpha. Every colour and feature is activated and multiplied by the
-//! alpha that can be seen ([`super::visibility`]). All levels are then plain linear means. Each
-//! level is stored in its own density domain, and colours are divided by their weight and stored as
-//! logits. Nodes that are nearly empty have alpha 0, and their colours are not read.
+//! its way up: density becomes alpha, and every colour and feature is activated and multiplied by
+//! the visible alpha ([`super::visibility`]). All levels are then plain linear means. Each level is
+//! stored in its own density domain, and colours are divided by their weight and stored as logits.
+//! Nodes that are nearly empty have alpha 0, and their colours are not read.
 //!
 //! ```text
 //! alpha = 1 - exp(-span * tau)        tau = softplus(raw + shift) * interval
 //! ```
 //!
 //! `tau` is the optical depth of one interval, `span` a few intervals: a node counts by the share
-//! of the light that it covers. Means of optical depth itself would let one node inside a wall,
-//! whose value of 40 looks like one of 4, swell the wall by a node of every coarser level. The
-//! stored optical depth is `-ln(1 - alpha) / span`.
+//! of the light that it covers. Means of optical depth itself would not work: one node inside a
+//! wall, whose value of 40 looks the same as 4, would thicken the wall by a node on every coarser
+//! level. The stored optical depth is `-ln(1 - alpha) / span`.
 
 use multiversion::multiversion;
 
@@ -26,12 +26,12 @@ use crate::model::field::{Activation, DensityFunction};
 /// this alpha lets all but one part in ten million of the light through, 140 dB below the visible
 /// range.
 const LEAST_ALPHA: f64 = 1e-7;
-/// Lower shifted raw densities have alpha 0 for any interval: the exponential ends here
+/// Lower shifted raw densities have alpha 0 for any interval: the exponential underflows here
 /// ([`lanes::exp`]).
 const EMPTY_BELOW: f32 = -80.0;
-/// Values that are tested together for being empty.
+/// Number of values that are tested for emptiness together.
 const EMPTY_RUN: usize = 32;
-/// Larger alphas are stored as this one: it lets through one part in 10^7.
+/// Larger alphas are clamped to this one, which transmits one part in 10^7.
 const GREATEST_ALPHA: f64 = 1.0 - 1e-7;
 
 /// Alpha of one scene: raw density to alpha, and alpha to the values that levels store.
@@ -73,8 +73,8 @@ impl AlphaDomain {
         }
     }
 
-    /// The alpha from which opacity over `intervals` exceeds `opacity`, lowered by a hair so that
-    /// no rounding drops a node that is above.
+    /// The alpha above which opacity over `intervals` exceeds `opacity`, lowered slightly so that
+    /// rounding drops no node above it.
     pub fn alpha_at_opacity(&self, opacity: f32, intervals: f64) -> f32 {
         let depth = -libm::log1p(-f64::from(opacity)) / intervals;
         (-libm::expm1(-depth * f64::from(self.span)) * (1.0 - 1e-6)) as f32
@@ -139,8 +139,7 @@ fn logit_to_alpha(raw: &[f32], alphas: &mut [f32], shift: f32, interval: f32, em
             alphas.fill(0.0);
             continue;
         }
-        // Two loops: processors wait for the end of a long chain of operations, and look ahead over
-        // more vectors where chains are shorter.
+        // Two loops, because shorter dependency chains let processors overlap more vectors.
         for (alpha, &raw) in alphas.iter_mut().zip(raw) {
             *alpha = lanes::softplus(raw + shift) * interval;
         }

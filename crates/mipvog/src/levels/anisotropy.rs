@@ -1,4 +1,4 @@
-//! Anisotropy of coarser levels, from the way their alpha changes around a node.
+//! Anisotropy of coarser levels, from the gradient of alpha around a node.
 //!
 //! ```text
 //! a_m = v * (sum of |g|^2 Y_2m(g / |g|)) / (sum of |g|^2 + 0.01)
@@ -8,13 +8,14 @@
 //! difference over the mean distance of nodes; the stored density `v`; and the functions `Y_2m` of
 //! [`crate::model::anisotropy`]. The sum of the products of a gradient's parts is the structure
 //! tensor, which tells a wall from a rod and from fog: alpha changes across a wall, not along it.
-//! So a wall hides more from its side than along it. Where alpha hardly changes there is none.
+//! So a wall absorbs more across than along it. Where alpha hardly changes, anisotropy is 0.
 
 use multiversion::multiversion;
 
 use crate::model::anisotropy::{ANISOTROPY, of_tensor};
 
-/// Added to the sum of squared gradients. Fog changes slowly, and hides as much from all sides.
+/// Added to the sum of squared gradients. Fog has small gradients, and absorbs alike in all
+/// directions.
 const FLAT: f32 = 0.01;
 /// Products of a gradient's parts: xx, yy, zz, xy, xz, yz.
 const PRODUCTS: usize = 6;
@@ -25,7 +26,7 @@ pub(super) type RowsAround<'a> = [[Option<&'a [f32]>; 3]; 3];
 /// Structure tensors along one row.
 #[derive(Debug)]
 pub(super) struct StructureTensor {
-    /// Mean distance of nodes over that along each axis.
+    /// Mean node distance divided by the node distance along each axis.
     scale: [f32; 3],
     /// Products, summed over the cells of a span between a node of the row and the next one.
     cells: [Vec<f32>; PRODUCTS],
@@ -46,7 +47,7 @@ impl StructureTensor {
         density: &[f32],
         values: [&mut [f32]; ANISOTROPY],
     ) {
-        // Cells outside the grid count nothing.
+        // Cells outside the grid add nothing.
         let (first, last) = (start.saturating_sub(1), end.min(self.cells[0].len() - 2));
         let count = end - start + 1;
         let mut cells = self.cells.each_mut().map(|cells| &mut cells[..count]);
@@ -129,7 +130,7 @@ mod tests {
         for normal in [[1.0f64, 0.0, 0.0], [0.6, 0.0, -0.8], [0.48, -0.6, 0.64]] {
             let [x, y, z] = normal.map(|part| part as f32);
             let scale = [1.0, 0.5, 2.0];
-            // Nodes twice as far apart along an axis halve the scale there.
+            // Twice the node distance along an axis halves its scale.
             let slope = |at: [f32; 3]| 0.5 + 0.2 * (x * at[0] + y * at[1] * 2.0 + z * at[2] * 0.5);
             let found = in_the_middle(slope, scale);
             let share = 8.0 * 0.04 / (8.0 * 0.04 + FLAT);

@@ -9,9 +9,11 @@ use multiversion::multiversion;
 use super::required::LevelTaps;
 use crate::model::grid::{NodeMask, row};
 
-/// Bytes of the rows that are worked on together. The caches have room for their inputs too.
+/// Bytes of the rows that are processed together, so that they and their inputs fit into the
+/// caches.
 const BAND_BYTES: usize = 64 << 10;
-/// Shorter gaps between required output nodes are computed too: splitting the loop costs more.
+/// Shorter gaps between required output nodes are computed too, because splitting the loop costs
+/// more.
 const BRIDGED_NODES: usize = 16;
 
 /// Planes between two levels.
@@ -31,7 +33,7 @@ pub(super) struct AxisFilter<'a> {
 pub(super) struct Readers {
     /// Rows of bits, at the coarser level's size.
     rows: Vec<u64>,
-    /// Of each row of the plane, nodes along z that hold all that are read: maybe none.
+    /// For each row of the plane, the range along z of all nodes that are read; may be empty.
     pub(super) read: Vec<Range<usize>>,
 }
 
@@ -52,7 +54,7 @@ impl AxisFilter<'_> {
                 0..0,
                 |(start, end)| {
                     let (low, high) = z_taps.inputs_of(start, end);
-                    // Loops run on to the end of a vector.
+                    // Loops are extended to whole vectors.
                     low..(high + row::LANES).min(z_taps.inputs())
                 },
             )
@@ -89,8 +91,8 @@ impl AxisFilter<'_> {
         }
     }
 
-    /// Filters one channel of a plane of the finer level along y, where `readers` read it. Some
-    /// rows at a time, as soon as `fill(rows, plane)` has made those: they are then still in a
+    /// Filters one channel of a plane of the finer level along y, where `readers` read it. A few
+    /// rows at a time, right after `fill(rows, plane)` has made them, while they are in a
     /// processor's cache.
     pub(super) fn filter_plane(
         &self,
@@ -126,7 +128,7 @@ impl AxisFilter<'_> {
     }
 }
 
-/// A number that a sum ends in.
+/// The type to which a sum is rounded.
 trait Rounded: Copy {
     /// The nearest one.
     fn of(sum: f64) -> Self;
@@ -146,12 +148,12 @@ impl Rounded for f32 {
     }
 }
 
-/// Sums rows times weights in f64, in their order. Rows without weight are not asked for.
+/// Sums rows times weights in f64, in their order. Rows of weight 0 are not requested.
 #[inline(always)]
 fn sum_rows<'a, T: Rounded>(weights: &[f64], row: impl Fn(usize) -> &'a [f32], sums: &mut [T]) {
     let mut weighted =
         weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0).map(|(i, &w)| (row(i), w));
-    // Four at once, as many as the default filter has: no sum then waits in memory.
+    // Four at once, as many as the default filter has, so that sums stay in registers.
     match (weighted.next(), weighted.next(), weighted.next(), weighted.next()) {
         (None, ..) => sums.fill(T::of(0.0)),
         (Some(a), None, ..) => sum_scaled([a], sums),

@@ -1,9 +1,9 @@
 //! Directional brightness of coarser levels, from the sides on which bright and dark nodes lie.
 //!
-//! From a side shows what lies on that side. So the brightness of a node of a coarser level, seen
-//! along the unit direction `d`, is the mean over the nodes that it stands for, weighted by alpha
-//! and by the light that gets out of them against `d`. The vector `b` for which `d . b` is nearest
-//! to the difference of that brightness and the mean one, by least squares over all directions, is
+//! A view from one side shows what lies on that side. So the brightness of a coarse node, seen
+//! along the unit direction `d`, is the mean over the fine nodes under it, weighted by alpha and by
+//! the light that leaves them against `d`. The vector `b` for which `d . b` is nearest to the
+//! difference of that brightness and the mean one, by least squares over all directions, is
 //!
 //! ```text
 //! b = -3 (sum of alpha y n - m * sum of alpha n) / (1.05 * sum of alpha v) / (m (1 - m))
@@ -13,12 +13,12 @@
 //! ([`super::transmittance`]); the mean `v` of its transmittance to outside; and the brightness `m`
 //! of the coarse node. Squared components of directions have a mean of a third, which gives the 3;
 //! 0.05 keeps faint nodes faint. The last factor turns colours into logits. The sums are filtered
-//! like alpha. The last of them is bounded by the two sums that the levels have already:
-//! `(sum of alpha v)^2 <= sum of alpha * sum of alpha v^2`.
+//! like alpha. The last of them is bounded by two sums that the levels already have: `(sum of alpha
+//! v)^2 <= sum of alpha * sum of alpha v^2`.
 //!
 //! The fine nodes are those of the level [`super::Direction::moments`]: the level before the one on
-//! which light is followed, or level 0. If it is not level 0, its nodes have brightnesses `y` of
-//! their own, means over the nodes that they stand for.
+//! which light is traced, or level 0. If it is not level 0, the brightness `y` of its nodes is a
+//! mean over finer nodes.
 
 use multiversion::multiversion;
 
@@ -29,11 +29,11 @@ use crate::model::directional::DIRECTIONAL;
 pub const MOMENTS: usize = 2 * DIRECTIONAL;
 /// Largest magnitude of a stored value, in logits.
 pub const LARGEST_BRIGHTNESS: f32 = 6.0;
-/// Added to the weight of the least squares, as a share.
+/// Regularization of the least squares, relative to the weight.
 const DAMPING: f32 = 0.05;
-/// Weights far below that of any node that shows.
+/// Weight far below that of any visible node.
 const LEAST_WEIGHT: f32 = 1e-6;
-/// The brightness of the logits' slope stays this far from 0 and 1.
+/// The brightness at which the logits' slope is taken stays this far from 0 and 1.
 const MARGIN: f32 = 0.05;
 
 /// Sums at the nodes of a span of a row.

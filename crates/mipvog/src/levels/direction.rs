@@ -1,7 +1,7 @@
-//! What coarser levels show otherwise from each side.
+//! Directional terms of coarser levels.
 //!
 //! A coarse node stands for many fine ones, which hide each other. Levels that average alpha get
-//! anisotropy ([`super::anisotropy`]) from the way their alpha changes, and directional brightness
+//! anisotropy ([`super::anisotropy`]) from the gradient of their alpha, and directional brightness
 //! ([`super::brightness`]) from the sides on which bright and dark nodes lie. Neither casts rays.
 
 use std::ops::Range;
@@ -19,13 +19,13 @@ use crate::model::directional::{DIRECTIONAL, MOST_CHANNELS};
 use crate::model::field::{ColorDomain, RadianceField};
 use crate::model::grid::{Bounds, Nodes, row};
 
-/// The values that coarser levels have for the direction of a ray, beside density and colours.
+/// The direction-dependent values of coarser levels, beside density and colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Direction {
     /// Lengths of the box's edges.
     extent: [f32; 3],
-    /// The level of whose nodes moments of brightness are made: coarser levels have directional
-    /// brightness. All have anisotropy.
+    /// The level whose nodes give the moments of brightness. Levels coarser than it have
+    /// directional brightness; all coarser levels have anisotropy.
     pub moments: Option<usize>,
 }
 
@@ -35,7 +35,7 @@ impl Direction {
         Self { extent, moments }
     }
 
-    /// Of the levels that `filter` makes of `field`; none where they look the same from all sides.
+    /// For the levels that `filter` makes from `field`; none if they look the same from all sides.
     /// Directional brightness is added to logits, so other colours have none.
     pub fn of(filter: &dyn LevelFilter, field: &RadianceField) -> Option<Self> {
         let stored = match filter.domain() {
@@ -47,8 +47,8 @@ impl Direction {
         let has_room = field.color_channels() + DIRECTIONAL <= MOST_CHANNELS;
         let is_logit = field.color_domain == ColorDomain::Logit && field.harmonics().is_none();
         let extent = std::array::from_fn(|axis| max[axis] - min[axis]);
-        // Bent normals are interpolated from the level on which light is followed. They hardly differ
-        // between nodes of levels that are more than twice as fine.
+        // Bent normals are interpolated from the level on which light is traced. On levels more
+        // than twice as fine, they hardly differ between nodes.
         let sizes = level_sizes(field.scene.nodes, usize::MAX);
         let moments = OpticalDepthGrid::level(&sizes).saturating_sub(1);
         let moments = (has_room && is_logit).then_some(moments);
@@ -60,12 +60,12 @@ impl Direction {
         self.moments.is_some_and(|moments| level > moments)
     }
 
-    /// Channels that a coarser level has for it: those of brightness, then those of anisotropy.
+    /// Channels of a coarser level: brightness, then anisotropy.
     pub fn channels(&self, level: usize) -> usize {
         ANISOTROPY + if self.has_brightness(level) { DIRECTIONAL } else { 0 }
     }
 
-    /// The mean distance of neighbouring nodes over that along each axis.
+    /// The mean node distance divided by the node distance along each axis.
     pub(super) fn gradient_scale(&self, Nodes(nodes): Nodes) -> [f32; 3] {
         let spacing = [0, 1, 2].map(|axis| self.extent[axis] / (nodes[axis] - 1) as f32);
         let mean = (spacing[0] + spacing[1] + spacing[2]) / 3.0;
@@ -76,16 +76,16 @@ impl Direction {
 /// The further channels of one plane, as they are made.
 pub(super) struct DirectionPlane {
     tensor: StructureTensor,
-    /// By axis; none where levels have no directional brightness.
+    /// By axis; none if levels have no directional brightness.
     brightness: Option<[Vec<f32>; DIRECTIONAL]>,
     anisotropy: [Vec<f32>; ANISOTROPY],
 }
 
 impl DirectionPlane {
-    /// A plane of `level`, of `nodes`, made of planes of `pool`.
+    /// A plane of `level`, with `nodes`, from planes of `pool`.
     pub fn new(direction: Direction, level: usize, nodes: Nodes, pool: &PlanePool) -> Self {
         let Nodes([_, ny, nz]) = nodes;
-        // Anisotropy of a node that is not shown would make it visible.
+        // Anisotropy could make a hidden node visible.
         let anisotropy = [(); ANISOTROPY].map(|()| {
             let mut plane = pool.take(ny * nz);
             plane.fill(0.0);

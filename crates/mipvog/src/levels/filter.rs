@@ -1,7 +1,7 @@
 //! Filters: how coarser levels are made, and the rules to render them by.
 //!
-//! [`LevelFilter`] is the one carrier of all of that. The pyramid, the search for visible nodes,
-//! the reference renderer and the metadata of containers ask it.
+//! [`LevelFilter`] alone defines both. The pyramid, the search for visible nodes, the reference
+//! renderer and the metadata of containers query it.
 
 use std::fmt::Debug;
 use std::ops::Deref;
@@ -19,11 +19,11 @@ use crate::model::grid::Nodes;
 
 /// Intervals over which `rate-tent` counts opacity; the best of 1 to 8 on trained scenes.
 const RATE_SPAN: f32 = 5.0;
-/// The same of levels that are alike from all sides.
+/// The same for levels without directional terms.
 const ISOTROPIC_SPAN: f32 = 4.5;
 
-/// Bends of `rate-tent`'s rule. Pixels of one voxel read a little of level 1, those that are 5 %
-/// smaller none. From four voxels on coarser levels are better than a line makes them.
+/// Bends of `rate-tent`'s rule. Pixels of one voxel read a little of level 1; pixels that are 5 %
+/// smaller read none. From four voxels on, coarser levels than those of a line look better.
 const RATE_BENDS: [[f32; 2]; 2] = [[0.0, -0.53], [2.0, 0.3]];
 
 /// The values that a filter averages.
@@ -126,14 +126,14 @@ pub trait LevelFilter: Debug + Send + Sync {
     }
 }
 
-/// The questions that the pipeline asks of a filter; all answers follow from the trait's.
+/// Derived properties of a filter, for the pipeline.
 impl dyn LevelFilter + '_ {
     /// True if coarser levels have density of their own.
     pub fn has_density(&self) -> bool {
         self.domain() != FilterDomain::Logits { density: false }
     }
 
-    /// The alpha that is averaged, where it is not logits.
+    /// The averaged alpha; none for logits.
     pub fn alpha(&self, activation: &Activation) -> Option<AlphaDomain> {
         match self.domain() {
             FilterDomain::Alpha { span, stored } => {
@@ -151,15 +151,15 @@ impl dyn LevelFilter + '_ {
         }
     }
 
-    /// Sizes of the levels of a field, finest first: `count` at most, else as many as the filter
-    /// makes.
+    /// Sizes of the levels of a field, finest first: at most `count`, or the filter's default
+    /// number.
     pub fn level_sizes(&self, finest: Nodes, count: Option<usize>) -> Vec<Nodes> {
         level_sizes(finest, count.unwrap_or_else(|| self.level_count(finest)))
     }
 
     /// The rule of levels. Filters of stored values measure footprints as training did, to the
-    /// sample of the same index. Others measure them at the same distance, which does not depend on
-    /// the place where rays enter the box.
+    /// sample of the same index. Other filters measure them at the same distance, independent of
+    /// where rays enter the box.
     pub fn rule(&self) -> LevelOfDetail {
         let (factor, bias, bound) = self.level_of_detail();
         let neighbour = match self.blend() {
@@ -188,7 +188,7 @@ impl Deref for SharedFilter {
     }
 }
 
-/// Filters are the same if their names are.
+/// Filters are equal if their names are.
 impl PartialEq for SharedFilter {
     fn eq(&self, other: &Self) -> bool {
         self.name() == other.name()

@@ -1,4 +1,4 @@
-//! What dropping the free-space mask would show.
+//! The visible effect of dropping the free-space mask.
 
 use crate::base::error::Result;
 use crate::base::parallel;
@@ -6,14 +6,14 @@ use crate::model::field::{FreeSpace, Planes};
 use crate::model::grid::{CellMask, row};
 use mipvog_format::sample::free_cells::{any_in_ranges, cell_faces, inside_nodes, mask_ranges};
 
-/// The opacity that would show if the mask were dropped: that over one interval of the visible
-/// samples that only the mask drops, for each visible sample that it keeps. Cells that are partly
-/// inside are sampled at 27 points each. A mask's box holds the field's, as training makes it, so
-/// nothing is searched beyond its nodes.
+/// The opacity that dropping the mask would reveal: the opacity over one interval of visible
+/// samples that only the mask drops, per visible sample that it keeps. Cells that are partly inside
+/// are sampled at 27 points each. A trained mask's box contains the field's, so the search ends at
+/// its nodes.
 ///
 /// # Errors
 ///
-/// Those of reading density.
+/// Errors of reading density.
 pub fn masked_share(
     free_space: &FreeSpace,
     planes: &Planes,
@@ -63,8 +63,7 @@ pub fn masked_share(
     Ok(sums.iter().sum::<f64>() / (27 * cells.count().max(1)) as f64)
 }
 
-/// Points of a cell at which a mask is asked: its middle, and close to its faces, edges and
-/// corners.
+/// Points of a cell at which a mask is sampled: the middle, and close to faces, edges and corners.
 fn probes() -> impl Iterator<Item = [f64; 3]> {
     const AXIS: [f64; 3] = [1.0 / 64.0, 0.5, 63.0 / 64.0];
     (0..27usize).map(|probe| [AXIS[probe / 9], AXIS[probe / 3 % 3], AXIS[probe % 3]])

@@ -1,7 +1,7 @@
 //! Importance of nodes to viewers in the empty space around them.
 //!
-//! No cameras are known, but a viewer is somewhere in empty space. So a node counts by the light of
-//! empty space that it can reflect. Light comes from all sides through the nodes on the way
+//! Without cameras, viewers are assumed to be in empty space. So a node counts by how much light of
+//! empty space it can reflect. Light comes from all sides through the nodes on its way
 //! ([`super::transmittance`]), and it recovers in empty nodes: a closed room has light of its own.
 //! Colours are interpolated, so a node also counts for the cells around it:
 //!
@@ -11,8 +11,8 @@
 //! ```
 //!
 //! with `depth` the optical depth of one interval, `light` the mean over 26 directions, and `tent`
-//! the weights 1/4, 1/2 and 1/4 along each axis. A unit of importance is the mean over all nodes,
-//! each weighted by its own importance, so that nodes of next to none do not change it.
+//! the weights 1/4, 1/2 and 1/4 along each axis. The unit of importance is the mean over all nodes,
+//! weighted by importance, so that unimportant nodes do not change it.
 
 use multiversion::multiversion;
 
@@ -22,8 +22,7 @@ use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::grid::Nodes;
 
-/// The share of lost light that is there again behind an empty node: after four nodes there are
-/// two thirds.
+/// The share of lost light that recovers behind an empty node: two thirds after four nodes.
 pub const RECOVERY: f32 = 0.25;
 
 /// The importance of the nodes of a grid.
@@ -31,7 +30,7 @@ pub const RECOVERY: f32 = 0.25;
 pub struct NodeImportance {
     /// The grid's size.
     pub nodes: Nodes,
-    /// Importance of each node, z fastest; 0 where there is nothing.
+    /// Importance of each node, z fastest; 0 for empty nodes.
     pub values: Vec<f32>,
 }
 
@@ -84,7 +83,7 @@ impl NodeImportance {
         }
     }
 
-    /// That of coarser levels' nodes is made of this one's, in units of its own.
+    /// Importance of coarser levels is derived from this one, in their own units.
     #[must_use]
     pub fn with_values(nodes: Nodes, values: Vec<f32>) -> Self {
         let mut coarser = Self { nodes, values };
@@ -93,7 +92,7 @@ impl NodeImportance {
     }
 }
 
-/// Sums of 26 transmittances, which become the light that nodes of these depths reflect.
+/// Converts sums of 26 transmittances to the light that nodes of these depths reflect.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn reflect(depths: &[f32], sums: &mut [f32]) {
     for (sum, depth) in sums.iter_mut().zip(depths) {
@@ -101,8 +100,8 @@ fn reflect(depths: &[f32], sums: &mut [f32]) {
     }
 }
 
-/// The tent along lines of which neighbours are `stride` apart; there is nothing beyond their ends.
-/// `last` are that many zeros.
+/// The tent along lines whose neighbours are `stride` apart, with zeros beyond their ends. `last`
+/// is a buffer of `stride` zeros.
 fn tent(values: &mut [f32], stride: usize, last: &mut [f32]) {
     for start in (0..values.len()).step_by(stride) {
         let (row, rest) = values[start..].split_at_mut(stride);

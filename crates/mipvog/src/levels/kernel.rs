@@ -1,7 +1,7 @@
 //! The low-pass before a level is halved.
 
 /// A separable low-pass. Source: the paper's ablation over mean and gaussian filters of 3, 5 and 7
-/// nodes and none; the gaussians' widths are those of the oracle that the tests compare with.
+/// nodes and none; the gaussians' widths are those of the tests' oracle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kernel {
     /// Resize only.

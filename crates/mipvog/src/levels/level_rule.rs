@@ -1,10 +1,10 @@
-//! Published rules that say which level a sample reads.
+//! Published rules that pick the level of a sample.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::baked::{Bends, LevelOfDetail};
 
-/// A published rule, instead of a filter's own, which was measured to look best.
+/// A published rule, in place of a filter's own, which measured best.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LevelRule {
@@ -45,7 +45,7 @@ impl LevelRule {
         }
     }
 
-    /// `rule` with these constants; how footprints are measured stays.
+    /// `rule` with these constants; its measure of footprints stays.
     pub fn applied_to(self, rule: LevelOfDetail) -> LevelOfDetail {
         let (factor, bound) = self.constants();
         LevelOfDetail { factor, bias: 0.0, bound, bends: Bends::default(), ..rule }

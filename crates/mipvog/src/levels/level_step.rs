@@ -1,5 +1,5 @@
 //! Planes of one level on their way to the next. Each is made, premultiplied and filtered along y
-//! in one go, while it is in a processor's cache.
+//! in one pass, while it is in a processor's cache.
 
 use std::ops::Range;
 
@@ -17,22 +17,22 @@ use crate::model::grid::NodeMask;
 /// Planes that were filtered along y, `[plane][channel]`.
 pub(super) type Filtered = Vec<Vec<Vec<f32>>>;
 
-/// The weights of colours of level 0, and the meaning of these.
+/// The weights of colours of level 0, and the meaning of the colours.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct VisibleColors<'a> {
-    /// The share of alpha that colours count by.
+    /// The share of alpha that weights colours.
     pub visibility: &'a Visibility,
     /// The meaning of colours.
     pub colors: ColorDomain,
-    /// True if moments of brightness go up too.
+    /// True if moments of brightness are filtered too.
     pub moments: bool,
 }
 
-/// What colours of a plane count by.
+/// The weights of a plane's colours.
 struct Weights {
     /// Alpha, or its visible share.
     of_colors: Vec<f32>,
-    /// Alpha where moments of brightness read it beside the visible one, or empty.
+    /// Alpha, if moments of brightness need it beside visible alpha; else empty.
     alpha: Vec<f32>,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct LevelStep<'a, 'f> {
     pub planes: Range<usize>,
     /// Channels of each.
     pub channels: usize,
-    /// Planes to use again.
+    /// Planes for reuse.
     pub pool: &'a PlanePool,
 }
 
@@ -83,8 +83,8 @@ impl LevelStep<'_, '_> {
     }
 
     /// Makes planes of level 0 and filters the alpha of density, the first channel. With
-    /// `visible_colors` also the visible alpha, all colours premultiplied by it, and moments of
-    /// brightness where those are asked for.
+    /// `visible_colors`, also visible alpha, all colours premultiplied by it, and moments of
+    /// brightness if requested.
     pub fn premultiplied(
         &self,
         domain: &AlphaDomain,
@@ -154,8 +154,8 @@ impl LevelStep<'_, '_> {
     }
 
     /// Makes the colours of each plane, and filters them to `outputs`, premultiplied by `weights`.
-    /// Returns the premultiplied planes, `[plane][channel]`: of diffuse colours where it `keeps`
-    /// them, and empty ones.
+    /// Returns the premultiplied planes, `[plane][channel]`: diffuse colours if it `keeps` them,
+    /// and empty ones.
     fn filter_colors(
         &self,
         meaning: ColorDomain,
@@ -228,7 +228,7 @@ impl LevelStep<'_, '_> {
         RowBand { required: self.required, read: &readers.read, x, rows }
     }
 
-    /// Planes for filtered values of so many channels.
+    /// Planes for filtered values of this many channels.
     fn output_planes(&self, channels: usize) -> Filtered {
         let Some(filter) = self.filter else { return Vec::new() };
         let length = filter.outputs.nodes().0[1] * self.required.nodes().0[2];
@@ -242,7 +242,7 @@ impl LevelStep<'_, '_> {
         parallel::map(self.planes.len(), |i| Ok(filter.readers(self.planes.start + i)))
     }
 
-    /// A plane of the level with any values.
+    /// A plane of the level with unspecified values.
     fn plane(&self) -> Vec<f32> {
         let [_, ny, nz] = self.required.nodes().0;
         self.pool.take(ny * nz)

@@ -11,17 +11,17 @@
 //! node ([`taps`]).
 //!
 //! A [`filter`] names the low-pass and the values that are averaged: logits as in training, or
-//! premultiplied alpha ([`alpha`]), which looks right from afar. [`pyramid`] streams planes from a
-//! [`PlaneSource`] through all levels into a [`PlaneSink`], and computes required nodes only
+//! premultiplied alpha ([`alpha`]), which looks right at a distance. [`pyramid`] streams planes
+//! from a [`PlaneSource`] through all levels into a [`PlaneSink`], and computes required nodes only
 //! ([`required`]). One step along one axis is an [`axis_filter`], one level is a [`level_step`].
 //! Level 0 is premultiplied on its way up ([`premultiply`]), and each coarser level is turned back
-//! into stored values ([`unpremultiply`]). What it shows otherwise from each side ([`direction`]) are
-//! [`anisotropy`] and directional [`brightness`].
+//! into stored values ([`unpremultiply`]). Its directional terms ([`direction`]) are [`anisotropy`]
+//! and directional [`brightness`].
 //!
 //! [`visible`] finds the nodes that can contribute to any pixel, from opacity ([`opacity`]) and
-//! from the free-space mask ([`free_space`]). [`visibility`] measures how much of each node light
-//! can reach ([`transmittance`]); colours of coarser levels are weighted by it. [`importance`] says
-//! how much of it viewers nearby can see.
+//! from the free-space mask ([`free_space`]). [`visibility`] measures how much light reaches each
+//! node ([`transmittance`]), and weights colours of coarser levels. [`importance`] estimates how
+//! much of each node viewers nearby can see.
 
 pub mod alpha;
 pub mod anisotropy;

@@ -1,8 +1,8 @@
 //! Nodes above each level's opacity threshold, found as density streams by.
 //!
-//! If logits are averaged, one pass over all of density makes every level. If alpha is averaged, a
-//! first pass over all of density finds the nodes of level 0, and the nodes that are not empty; a
-//! second pass reads just those and makes the coarser levels.
+//! If logits are averaged, one pass over all density makes every level. If alpha is averaged, a
+//! first pass over all density finds the opaque nodes of level 0 and the nodes that are not empty;
+//! a second pass reads only the latter and makes the coarser levels.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -17,7 +17,7 @@ use crate::base::progress::{Progress, Step};
 use crate::model::field::{NonfiniteCount, Planes, Scene};
 use crate::model::grid::{Bounds, NodeMask, Nodes, row};
 
-/// Planes of a slab where level 0 alone is read.
+/// Planes of a slab if only level 0 is read.
 const READ_SLAB: usize = 16;
 
 /// The opacity of a field's levels.
@@ -25,9 +25,9 @@ const READ_SLAB: usize = 16;
 pub struct Opacity {
     /// Nodes of each level above its threshold, finest first.
     pub opaque: Vec<NodeMask>,
-    /// Nodes of level 0 whose alpha is not 0, where alpha is averaged.
+    /// Nodes of level 0 whose alpha is not 0, if alpha is averaged.
     pub occupied: Option<NodeMask>,
-    /// Visibility, where alpha is averaged and there are coarser levels.
+    /// Visibility, if alpha is averaged and there are coarser levels.
     pub visibility: Option<Visibility>,
     /// Values of density that were replaced.
     pub nonfinite: NonfiniteCount,
@@ -45,17 +45,17 @@ pub struct OpacitySearch<'a> {
     pub sizes: &'a [Nodes],
     /// Filter of coarser levels.
     pub filter: &'a dyn LevelFilter,
-    /// What coarser levels show otherwise from each side.
+    /// Directional terms of coarser levels.
     pub direction: Option<Direction>,
-    /// That by which visibility is measured.
+    /// The light that visibility is measured with.
     pub light: Light,
-    /// Raw density of the threshold at level 0, and alpha of it at coarser levels where alpha is
+    /// The threshold as raw density at level 0, and as alpha at coarser levels if alpha is
     /// averaged.
     pub thresholds: Vec<f32>,
 }
 
 impl OpacitySearch<'_> {
-    /// Passes over density: the planes that progress counts are so many times level 0's.
+    /// Passes over density: progress counts this many times the planes of level 0.
     pub fn passes(&self) -> usize {
         let coarser = self.domain().filter(|_| self.sizes.len() > 1);
         if coarser.is_some() { 2 } else { 1 }
@@ -69,7 +69,7 @@ impl OpacitySearch<'_> {
     ///
     /// # Errors
     ///
-    /// Those of reading, a wrong checksum of density, and
+    /// Errors of reading, a wrong checksum of density, and
     /// [`crate::base::error::ErrorKind::Cancelled`].
     pub fn run(&self, progress: &dyn Progress) -> Result<Opacity> {
         let (domain, weights) = (self.domain(), self.filter.weights());
@@ -88,7 +88,7 @@ impl OpacitySearch<'_> {
             occupied,
             depths: depths.as_ref(),
         };
-        // Alpha goes up in a pass of its own.
+        // Alpha is filtered in a separate pass.
         let sizes = if domain.is_some() { &self.sizes[..1] } else { self.sizes };
         let all = sizes.iter().map(|&nodes| NodeMask::full(nodes)).collect();
         let required = RequiredNodes::new(all, None, &weights)?;

@@ -1,4 +1,4 @@
-//! Planes of values: all that travels through a pyramid.
+//! Planes of values, the unit of data in a pyramid.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -16,17 +16,18 @@ pub struct Plane<'a> {
     /// The channel, counted over the channels that the level has. Density is channel 0 where the
     /// level has density.
     pub channel: usize,
-    /// Values of the nodes, `[y][z]`, z fastest. Nodes that are not required hold any number.
+    /// Values of the nodes, `[y][z]`, z fastest. Nodes that are not required have unspecified
+    /// values.
     pub values: &'a mut [f32],
 }
 
-/// A place that planes of level 0 are read from.
+/// A source of planes of level 0.
 pub trait PlaneSource: Sync {
     /// Channels of level 0, density among them.
     fn channels(&self) -> usize;
 
-    /// Fills the nodes of a plane of level 0 that are set in `required`, rows of bits along z.
-    /// Other nodes may be filled too. Called from any thread, once for each plane.
+    /// Fills the nodes of a plane of level 0 whose bits are set in `required`, rows along z. Other
+    /// nodes may be filled too. Called from any thread, once for each plane.
     ///
     /// # Errors
     ///
@@ -34,17 +35,17 @@ pub trait PlaneSource: Sync {
     fn read(&self, channel: usize, x: usize, required: &[u64], values: &mut [f32]) -> Result<()>;
 }
 
-/// A consumer of planes: bits, ranges, codes or dense arrays are made of them.
+/// A consumer of planes, which makes bits, ranges, codes or dense arrays of them.
 pub trait PlaneSink: Sync {
-    /// Takes a plane while it is in the caches. Called from any thread, in any order.
+    /// Consumes a plane while it is in the caches. Called from any thread, in any order.
     ///
     /// # Errors
     ///
     /// A value may be refused.
     fn plane(&self, plane: Plane) -> Result<()>;
 
-    /// Is told that all channels of some planes of a level have been taken. Called for each level
-    /// in order, a slab at a time, while later planes are being made.
+    /// Called when all channels of some planes of a level have been taken: for each level in order,
+    /// a slab at a time, while later planes are being made.
     ///
     /// # Errors
     ///
@@ -54,12 +55,12 @@ pub trait PlaneSink: Sync {
     }
 }
 
-/// Planes to be used again: touching fresh memory costs more than filtering it.
+/// Planes for reuse: touching fresh memory costs more than filtering it.
 #[derive(Debug, Default)]
 pub struct PlanePool(Mutex<Vec<Vec<f32>>>);
 
 impl PlanePool {
-    /// A plane of so many numbers of any value.
+    /// A plane of this many unspecified values.
     pub fn take(&self, length: usize) -> Vec<f32> {
         let mut planes = lock(&self.0);
         match planes.iter().rposition(|plane| plane.len() == length) {

@@ -8,14 +8,14 @@ use super::visibility::PlaneSampler;
 use crate::model::field::ColorDomain;
 use crate::model::grid::{NodeMask, row};
 
-/// Shorter gaps between required nodes are computed too: splitting the loop costs more.
+/// Shorter gaps between required nodes are computed too, because splitting the loop costs more.
 const BRIDGED_NODES: usize = 32;
 
 /// Some rows of one plane of level 0.
 pub(super) struct RowBand<'a> {
     /// The nodes that are required; the others count as 0.
     pub required: &'a NodeMask,
-    /// Of each row of the plane, the nodes along z that are read; others hold any number.
+    /// For each row of the plane, the nodes along z that are read; others have unspecified values.
     pub read: &'a [Range<usize>],
     /// The plane's number.
     pub x: usize,
@@ -61,7 +61,7 @@ impl RowBand<'_> {
     }
 
     /// Calls `fill` with ranges of nodes, each in one row, that cover the required nodes that are
-    /// read, and with their part of `plane`. Other nodes that are read become 0.
+    /// read, and with their part of `plane`. Sets other nodes that are read to 0.
     fn fill(&self, plane: &mut [f32], mut fill: impl FnMut(Range<usize>, &mut [f32])) {
         let nz = self.required.nodes().0[2];
         for y in self.rows.clone() {

@@ -1,18 +1,17 @@
 //! A field streamed through all its levels, plane by plane.
 //!
 //! Each plane of level 0 is read from the source, shown to the sink, and filtered along y while it
-//! is in the caches. The result waits in the ring of the next level's [`AxisFilter`]. Once the
-//! planes under an output plane's window are there, their weighted sum along x, filtered along z,
-//! is the output plane. It is filtered for the level after in turn. Sums along y and x run over
-//! whole rows, so vectors do most of the work; a quarter of it is left for z, where they cannot.
-//! Memory is a few planes a level for any size of the grid, and no level is ever whole in memory.
+//! is in the caches. The result waits in the ring of the next level's [`AxisFilter`]. Once the ring
+//! holds all planes under an output plane's window, their weighted sum along x, filtered along z,
+//! is the output plane. This plane is filtered for the next level in turn. Sums along y and x run
+//! over whole rows, so they are vectorized; a quarter of the work is along z, which is not. Memory
+//! is a few planes per level, whatever the size of the grid.
 //!
-//! Only [`RequiredNodes`] are computed; others are skipped row by row and span by span. A skipped
-//! node of level 0 goes up as zero if it is premultiplied. Skipped nodes of coarser levels are
-//! zero.
+//! Only [`RequiredNodes`] are computed; others are skipped row by row and span by span. Skipped
+//! nodes are zero, on level 0 if it is premultiplied, and on coarser levels.
 //!
-//! Sums run in f64 and are rounded to f32 twice a level (after y, after x and z). A constant
-//! therefore stays the same bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
+//! Sums run in f64 and are rounded to f32 twice per level (after y, after x and z). A constant
+//! therefore keeps its bits: weights sum to 1 within 2e-16, far below half an f32 ulp.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -31,35 +30,36 @@ use crate::base::progress::{Progress, Step};
 use crate::model::field::{ColorDomain, RadianceField};
 use crate::model::grid::NodeMask;
 
-/// Planes of a slab by default: enough work for some threads, and few enough to stay in the caches.
+/// Default planes of a slab: enough work for several threads, and few enough to stay in the caches.
 pub const SLAB: usize = 8;
 
-/// The values that go up from level 0 to coarser levels.
+/// The values that are filtered from level 0 to coarser levels.
 #[derive(Debug, Clone)]
 pub enum Content<'a> {
-    /// These channels, as they are stored.
+    /// These channels, as stored.
     Logits(Range<usize>),
-    /// The alpha of density, the only channel. Coarser planes are shown as alpha.
+    /// The alpha of density, the only channel. The sink gets coarser planes as alpha.
     Alpha(AlphaDomain),
-    /// The alpha of density, the first channel, and all colours premultiplied by visible alpha.
-    /// Coarser planes are shown as they are stored.
+    /// The alpha of density, the first channel, and all colours premultiplied by visible alpha. The
+    /// sink gets coarser planes as stored.
     Colors {
         /// Density to alpha, and alpha to stored densities.
         domain: AlphaDomain,
         /// The meaning of colours.
         colors: ColorDomain,
-        /// The share of alpha that colours count by.
+        /// The share of alpha that weights colours.
         visibility: &'a Visibility,
-        /// The nodes of each level that are shown, finest first. Nodes around them are required.
+        /// The nodes of each level that the sink gets, finest first. Nodes around them are
+        /// required.
         retained: Vec<&'a NodeMask>,
-        /// What coarser planes show otherwise from each side, in further channels.
+        /// Directional terms of coarser planes, in further channels.
         direction: Option<Direction>,
     },
 }
 
 impl<'a> Content<'a> {
-    /// The content of levels that `filter` makes of `field`, all that is stored. `visibility` is
-    /// there where the filter averages alpha, with bent normals where levels have `direction`.
+    /// The stored content of the levels that `filter` makes from `field`. `visibility` is given if
+    /// the filter averages alpha, with bent normals if levels have a `direction`.
     pub fn of_levels(
         filter: &dyn LevelFilter,
         visibility: Option<&'a Visibility>,
@@ -76,7 +76,7 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// Channels of filtered planes of a coarser `level` where level 0 has `channels`.
+    /// Channels of filtered planes of a coarser `level` if level 0 has `channels`.
     fn channels(&self, level: usize, channels: usize) -> usize {
         let has_moments = self.moments().is_some_and(|moments| level > moments);
         match self {
@@ -86,7 +86,7 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// The level of whose nodes moments of brightness are made.
+    /// The level whose nodes give the moments of brightness.
     fn moments(&self) -> Option<usize> {
         match self {
             Self::Colors { direction, .. } => direction.and_then(|direction| direction.moments),
@@ -100,14 +100,14 @@ impl<'a> Content<'a> {
 pub struct Pyramid<'a> {
     /// Level 0.
     pub source: &'a dyn PlaneSource,
-    /// The nodes that must come out right.
+    /// The nodes whose values must be exact.
     pub required: &'a RequiredNodes,
     /// The values that go up.
     pub content: Content<'a>,
     /// Planes of a slab, at least 1.
     pub slab: usize,
-    /// True if the sink works on slabs while the next ones are made: faster, with twice as many in
-    /// memory.
+    /// True if the sink works on slabs while the next ones are made, which is faster but holds
+    /// twice as many in memory.
     pub pipelined: bool,
 }
 
@@ -116,7 +116,7 @@ impl Pyramid<'_> {
     ///
     /// # Errors
     ///
-    /// Those of source and sink, and [`Error::cancelled`] when `progress` says so.
+    /// Errors of source and sink, and [`Error::cancelled`] if `progress` requests a stop.
     pub fn run(&self, sink: &dyn PlaneSink, step: Step, progress: &dyn Progress) -> Result<()> {
         let finishers = self.finishers();
         let mut flow = Flow::new(self, &finishers, sink);
@@ -191,8 +191,8 @@ impl<'a> Flow<'a> {
         Self { pyramid, finishers, sink, filters, pool: PlanePool::default() }
     }
 
-    /// Reads planes of level 0 and makes the planes that follow from them. Returns the slabs that
-    /// are complete now.
+    /// Reads planes of level 0 and makes all planes that depend on them alone. Returns the slabs
+    /// that are now complete.
     fn advance(&mut self, planes: Range<usize>) -> Result<Vec<(usize, Range<usize>)>> {
         let Pyramid { source, required, content, .. } = self.pyramid;
         let step = self.step(0, planes.clone());
@@ -215,7 +215,7 @@ impl<'a> Flow<'a> {
         Ok(complete)
     }
 
-    /// Makes all planes of the levels above `level` whose inputs are there.
+    /// Makes all planes of the levels above `level` whose inputs are complete.
     fn make_above(
         &mut self,
         level: usize,
@@ -260,7 +260,7 @@ impl<'a> Flow<'a> {
         Ok(())
     }
 
-    /// What moments of brightness are made of, if they are made of the nodes of `level`.
+    /// The inputs of moments of brightness, if the nodes of `level` give them.
     fn moments_of(&self, level: usize) -> Option<(&'a Visibility, &'a LevelFinisher<'a>)> {
         match &self.pyramid.content {
             Content::Colors { visibility, .. } if self.pyramid.content.moments() == Some(level) => {
@@ -276,7 +276,7 @@ impl<'a> Flow<'a> {
         if level == 0 { channels } else { self.pyramid.content.channels(level, channels) }
     }
 
-    /// Planes of a level that are to be made.
+    /// Planes of a level that remain to be made.
     fn step(&self, level: usize, planes: Range<usize>) -> LevelStep<'_, 'a> {
         let (filter, required) = (self.filters.get(level), &self.pyramid.required.levels[level]);
         LevelStep { filter, required, planes, channels: self.channels(level), pool: &self.pool }
@@ -295,7 +295,7 @@ impl<'a> Flow<'a> {
         filter.made = made;
         let taps = &filter.taps.axes[0];
         let first = if made < taps.outputs() { taps.window(made).0 } else { taps.inputs() };
-        // Without a low-pass some planes have no reader, and may be yet to come.
+        // Without a low-pass, some planes have no reader, and may not have been made yet.
         while filter.ring_first < first
             && let Some(planes) = filter.ring.pop_front()
         {

@@ -1,15 +1,15 @@
-//! The nodes of each level that must come out right: the retained ones, and those that coarser
+//! The nodes of each level whose values must be exact: the retained ones, and those that coarser
 //! levels read.
 //!
 //! If alpha is averaged, most nodes have alpha 0 and add nothing. Coarser levels then read only
-//! nodes that are not empty, so cost follows the scene and not the box around it.
+//! nodes that are not empty, so cost depends on the scene and not on the box around it.
 
 use super::taps::AxisTaps;
 use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::grid::{NodeMask, Nodes, row};
 
-/// The nodes of each level that must come out right, and the weights between levels.
+/// The nodes of each level whose values must be exact, and the weights between levels.
 #[derive(Debug)]
 pub struct RequiredNodes {
     pub(super) steps: Vec<LevelTaps>,
@@ -139,7 +139,7 @@ impl RequiredNodes {
         &self.levels[level]
     }
 
-    /// Those of level 0, by themselves.
+    /// The nodes of level 0 alone.
     pub fn into_finest(self) -> Option<NodeMask> {
         self.levels.into_iter().next()
     }

@@ -8,18 +8,18 @@ use crate::base::lock::lock;
 use crate::model::field::{NonfiniteCount, PlaneRead, Planes, verify_crc32};
 use crate::model::grid::NodeMask;
 
-/// The checksums that a pass holds to those that the file states.
+/// The checksums that a pass compares with those in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verify {
     /// None.
     Nothing,
-    /// That of density. The pass must require all of it.
+    /// Density's checksum. The pass must require all of density.
     Density,
-    /// That of colour: all of it is read, not just required nodes. A wrong byte costs more than the
-    /// reading.
+    /// Colour's checksum. All of colour is read, not only required nodes, because an undetected
+    /// error costs more than the reading.
     Colors,
-    /// None, but colours are read as for [`Verify::Colors`], where any node of a plane is required.
-    /// A forecast then measures the same work as a bake.
+    /// None, but colours are read as for [`Verify::Colors`] in planes with a required node. A
+    /// forecast then measures the same work as a bake.
     ColorsOfWindow,
 }
 
@@ -28,7 +28,7 @@ pub enum Verify {
 pub struct FieldPass<'a> {
     planes: &'a Planes<'a>,
     verify: Verify,
-    /// Every node, where all of colour is read, and the checksum that the file states.
+    /// Every node and the file's checksum, if all of colour is read.
     all_colors: Option<(u32, NodeMask)>,
     /// The record of each plane, `[channel][x]`.
     reads: Mutex<Vec<Option<PlaneRead>>>,
@@ -57,7 +57,7 @@ impl ReadSummary {
 }
 
 impl<'a> FieldPass<'a> {
-    /// A pass over `planes` that holds bytes to the checksums in `verify`.
+    /// A pass over `planes` that verifies the checksums in `verify`.
     pub fn new(planes: &'a Planes<'a>, verify: Verify) -> Self {
         let nodes = planes.field().scene.nodes;
         let reads_all = matches!(verify, Verify::Colors | Verify::ColorsOfWindow);
@@ -67,11 +67,11 @@ impl<'a> FieldPass<'a> {
         Self { planes, verify, all_colors, reads }
     }
 
-    /// The record, once all planes were read.
+    /// The record, after all planes were read.
     ///
     /// # Errors
     ///
-    /// A checksum that differs from the one that the file states.
+    /// A checksum that differs from the one in the file.
     pub fn finish(self) -> Result<ReadSummary> {
         let nx = self.planes.field().scene.nodes.0[0];
         let reads = self.reads.into_inner().unwrap_or_else(PoisonError::into_inner);

@@ -7,7 +7,7 @@
 
 use crate::model::grid::row;
 
-/// Weights of one axis. Every window is equally long; where fewer nodes count, weights are zero.
+/// Weights of one axis. All windows have the same length; unused weights are zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisTaps {
     inputs: usize,
@@ -97,7 +97,7 @@ impl AxisTaps {
         (self.first[start], self.first[end - 1] + self.width)
     }
 
-    /// The same, and some after them, so that loops over them are whole vectors.
+    /// The same, extended so that loops over them are whole vectors.
     pub fn padded_inputs_of(&self, start: usize, end: usize) -> (usize, usize) {
         let (low, high) = self.inputs_of(start, end);
         (low, (low + (high - low).next_multiple_of(row::LANES)).min(self.inputs))

@@ -3,10 +3,10 @@
 //! Planes are swept in order, once upwards and once downwards along x. A sweep carries the
 //! transmittance of nine directions from each plane to the next. The eight directions within planes
 //! follow plane by plane. So the working set stays in the caches, and the whole grid is read three
-//! times instead of once for each direction. Both sweeps run at the same time. The one that comes to
-//! a plane later adds to what the other left there, so all nodes have one set of sums. Adding two
-//! numbers has one result in either order, and all other terms of a sum have one order, so results
-//! do not depend on threads.
+//! times instead of once per direction. Both sweeps run at the same time. The sweep that reaches a
+//! plane later adds to the sums of the other, so each node has one set of sums. Adding two numbers
+//! is commutative, and all other terms of a sum have a fixed order, so results do not depend on
+//! threads.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -19,7 +19,7 @@ use crate::base::parallel;
 use crate::model::activate::lanes;
 use crate::model::grid::Nodes;
 
-/// Smaller transmittances and optical depths are 0: processors are slow with subnormal products.
+/// Smaller transmittances and optical depths count as 0, because subnormal products are slow.
 pub const NEGLIGIBLE: f32 = 1e-9;
 /// The greatest optical depth from a node to the next, for the same reason.
 const GREATEST_DEPTH: f32 = 30.0;
@@ -27,10 +27,10 @@ const GREATEST_DEPTH: f32 = 30.0;
 const SIDEWAYS: [[isize; 2]; 9] =
     [[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [-1, 1], [1, -1], [1, 1]];
 
-/// The number that stands for a bent normal's part of 1.
+/// The integer that represents a bent normal component of 1.
 pub const BENT_ONE: f32 = 32767.0;
 
-/// Bent normals by axis: 16-bit integers, of which 32767 stands for 1.
+/// Bent normals by axis, as 16-bit integers; 32767 represents 1.
 pub type BentNormals = [Vec<i16>; 3];
 
 /// The light that reaches the nodes of a plane.
@@ -38,7 +38,7 @@ pub type BentNormals = [Vec<i16>; 3];
 pub struct PlaneLight {
     /// The sum over all directions of each node's transmittance, 0 to 26.
     pub sums: Vec<f32>,
-    /// Bent normals, if they were asked for; else empty.
+    /// Bent normals if requested, else empty.
     pub bent: BentNormals,
 }
 
@@ -51,13 +51,13 @@ pub struct TransmittanceSweep<'a> {
     pub spacing: [f32; 3],
     /// Optical depth over one interval by plane, z fastest.
     pub depths: &'a [Vec<f32>],
-    /// The share of lost light that is there again behind an empty node, 0 to 1. It is 0 for light
-    /// that comes from outside the box alone. Else light comes from empty space in the box too.
+    /// The share of lost light that recovers behind an empty node, 0 to 1. At 0, light comes only
+    /// from outside the box; above 0, also from empty space in the box.
     pub recovery: f32,
 }
 
 impl TransmittanceSweep<'_> {
-    /// Follows light to all nodes, plane by plane. `bent` asks for bent normals too.
+    /// Traces light to all nodes, plane by plane. `bent` requests bent normals.
     ///
     /// # Errors
     ///
@@ -78,12 +78,12 @@ impl TransmittanceSweep<'_> {
         Ok(planes)
     }
 
-    /// Zeros of a plane's bent normals; none where they are not asked for.
+    /// Zeros for a plane's bent normals; empty if not requested.
     fn bent_plane(&self, bent: bool) -> [Vec<f32>; 3] {
         [(); 3].map(|()| vec![0.0; if bent { self.plane_size() } else { 0 }])
     }
 
-    /// The unit direction out of a node from which light comes by `steps` along the axes.
+    /// The unit direction from a node towards the light that comes by `steps` along the axes.
     fn outwards(&self, steps: [isize; 3]) -> [f32; 3] {
         let way = [0, 1, 2].map(|axis| steps[axis] as f32 * self.spacing[axis]);
         let [x, y, z] = way.map(|part| part * part);
@@ -109,7 +109,7 @@ impl TransmittanceSweep<'_> {
         exponentials(depths, (x + y + z).sqrt(), transmittances);
     }
 
-    /// Adds the light along the nine directions up along x, or down, to the planes of both ways.
+    /// Adds the light along the nine directions up or down x to the planes' common sums.
     fn along_x(&self, down: bool, bent: bool, met: &[Mutex<Option<PlaneLight>>]) {
         let [nx, ny, nz] = self.nodes.0;
         let size = self.plane_size();
@@ -191,7 +191,7 @@ impl TransmittanceSweep<'_> {
                 up[z] = behind(up[z - 1], through[z - 1], self.recovery);
                 down[opposite] = behind(down[opposite + 1], through[opposite + 1], self.recovery);
             }
-            // The way that enters nearer comes first, so that a mirrored grid has the same sums.
+            // The nearer entry comes first, so that a mirrored grid has the same sums.
             let (near, far) = (row.start..row.start + nz.div_ceil(2), nz.div_ceil(2));
             let far_row = near.end..row.end;
             let [above, below] = [1, -1].map(|dz| self.outwards([0, 0, dz]));
@@ -204,11 +204,11 @@ impl TransmittanceSweep<'_> {
 }
 
 impl PlaneLight {
-    /// Adds the light that comes the other way.
+    /// Adds the light of the opposite direction.
     fn add(&mut self, other: &Self) {
         add(&mut self.sums, &other.sums);
         for (parts, others) in self.bent.iter_mut().zip(&other.bent) {
-            // Of nine directions of 26 each: no sum is too large.
+            // Nine of 26 directions each, so sums cannot overflow.
             parts.iter_mut().zip(others).for_each(|(part, other)| *part += other);
         }
     }
@@ -217,7 +217,7 @@ impl PlaneLight {
 /// Sums over directions at the nodes of a plane.
 struct PlaneSums<'a> {
     sums: &'a mut [f32],
-    /// By axis; empty where bent normals are not asked for.
+    /// By axis; empty if bent normals are not requested.
     bent: [Vec<f32>; 3],
 }
 
@@ -233,12 +233,12 @@ impl PlaneSums<'_> {
     }
 }
 
-/// The number, of four, of the transmittances that steps along y and z need.
+/// The index (of four) of the transmittances for steps along y and z.
 fn kind(dy: isize, dz: isize) -> usize {
     2 * usize::from(dy != 0) + usize::from(dz != 0)
 }
 
-/// The light of the next row, `dz` nodes further along z; 1 where the ray enters there.
+/// The light of the next row, `dz` nodes further along z; 1 where the ray enters the box.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn step(dz: isize, recovery: f32, light: &[f32], through: &[f32], next: &mut [f32]) {
     let last = light.len() - 1;
@@ -272,7 +272,7 @@ fn add_times(sums: &mut [f32], light: &[f32], times: f32) {
     }
 }
 
-/// Sums over directions as parts of bent normals.
+/// Converts sums over directions to bent normal components.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn round(sums: &[f32], parts: &mut [i16]) {
     for (part, sum) in parts.iter_mut().zip(sums) {
@@ -292,7 +292,7 @@ fn add_rounded(sums: &[f32], parts: &mut [i16]) {
 /// The nearest integer to a number below 32768 in magnitude, halves to even.
 #[inline(always)]
 fn rounded(value: f32) -> i16 {
-    // At this size f32 numbers are a whole apart, and the last bits are the integer's.
+    // At this magnitude, f32 numbers are integers, and the last bits are those of the integer.
     const WHOLE: f32 = 12_582_912.0;
     (value + WHOLE).to_bits() as i16
 }
@@ -305,8 +305,8 @@ fn exponentials(depths: &[f32], length: f32, transmittances: &mut [f32]) {
     }
 }
 
-/// The light behind a node that lets the share `through` through. The more of it a node lets
-/// through, the more lost light is there again behind it.
+/// The light behind a node of transmittance `through`. The higher the transmittance, the more lost
+/// light recovers.
 #[inline(always)]
 fn behind(light: f32, through: f32, recovery: f32) -> f32 {
     let (product, square) = (light * through, through * through);

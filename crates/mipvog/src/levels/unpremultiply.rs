@@ -1,12 +1,12 @@
-//! Premultiplied planes of a coarser level to the values that are stored.
+//! Converts premultiplied planes of a coarser level to stored values.
 //!
 //! ```text
 //! color = (c + 1e-4 * sum of c around) / (w + 1e-4 * sum of w around)
 //! ```
 //!
 //! with the premultiplied colour `c`, its weight `w`, and sums over the 3 x 3 x 3 nodes around. So
-//! a plane is finished once the next one is there: planes wait until their slab and the first plane
-//! of the next one have come. [`super::direction`] needs the same planes.
+//! finishing a plane needs the next one: planes wait for their slab and the first plane of the next
+//! slab. [`super::direction`] needs the same planes.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -27,10 +27,10 @@ use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Stored colours stay this far from 0 and 1: logits of -16 and 16.
 const COLOR_MARGIN: f64 = 1e-7;
-/// Share of the alpha around a node that counts in its colour. A node with little alpha still
-/// colours the cells around it by interpolation, and must not do so with the grey of empty space.
+/// Share of the alpha around a node that counts in its colour. Through interpolation, a node with
+/// little alpha still colours the cells around it, and must not make them the grey of empty space.
 const NEIGHBOURS_SHARE: f64 = 1e-4;
-/// Shorter gaps between retained nodes are computed too: splitting the loop costs more.
+/// Shorter gaps between retained nodes are computed too, because splitting the loop costs more.
 const BRIDGED_NODES: usize = 16;
 
 /// Finishes the planes of one coarser level, slab by slab.
@@ -40,9 +40,10 @@ pub(super) struct LevelFinisher<'a> {
     domain: AlphaDomain,
     colors: ColorDomain,
     direction: Option<Direction>,
-    /// The nodes that must come out right; premultiplied values are right one node around them too.
+    /// The nodes whose values must be exact; premultiplied values are also exact one node around
+    /// them.
     retained: &'a NodeMask,
-    /// Channels of a stored plane, but for those of direction: density and colours. A premultiplied
+    /// Channels of a stored plane, without directional terms: density and colours. A premultiplied
     /// plane has alpha, visible alpha, colours, and moments of brightness.
     channels: usize,
     waiting: Mutex<Waiting>,
@@ -59,7 +60,7 @@ struct Waiting {
 }
 
 impl<'a> LevelFinisher<'a> {
-    /// For the `retained` nodes of a level whose stored planes have so many `channels`.
+    /// For the `retained` nodes of a level whose stored planes have this many `channels`.
     pub fn new(
         level: usize,
         (domain, colors, direction): (AlphaDomain, ColorDomain, Option<Direction>),
@@ -81,7 +82,7 @@ impl<'a> LevelFinisher<'a> {
         lock(&self.waiting)
     }
 
-    /// Keeps a premultiplied plane, and leaves another one in its place.
+    /// Keeps a premultiplied plane, and swaps in another one.
     pub fn keep(&self, x: usize, channel: usize, plane: &mut Vec<f32>) {
         let other = self.pool.take(plane.len());
         let kept = Arc::new(std::mem::replace(plane, other));
@@ -95,7 +96,7 @@ impl<'a> LevelFinisher<'a> {
         self.waiting().planes.get(&x).cloned().unwrap_or_default()
     }
 
-    /// Is told that all of these planes were kept, and shows finished ones to `sink`.
+    /// Called when all of these planes were kept; passes finished planes to `sink`.
     pub fn finish(&self, planes: Range<usize>, sink: &dyn PlaneSink) -> Result<()> {
         let before = self.waiting().slab.replace(planes.clone());
         let last = Some(planes).filter(|planes| planes.end == self.retained.nodes().0[0]);
@@ -136,11 +137,11 @@ impl<'a> LevelFinisher<'a> {
             let retained = self.retained.row(x, y);
             for (start, end) in row::spans(retained, nz, BRIDGED_NODES) {
                 let span = y * nz + start..y * nz + end;
-                // Each node's own value of a channel, and a little of its neighbours' values.
+                // Each node's own value of a channel plus a small share of its neighbours' values.
                 let mut total = |channel: usize, totals: &mut [f64]| {
                     let [low, high] = [start.saturating_sub(1), (end + 1).min(nz)];
                     let column = &mut column[..high - low];
-                    // Rows outside the grid count nothing.
+                    // Rows outside the grid add nothing.
                     let mut nine = [&zeros[low..high]; 9];
                     let places =
                         around.iter().flat_map(|plane| rows.clone().map(move |y| (plane, y)));
@@ -192,8 +193,8 @@ fn add_rows(rows: [&[f32]; 9], sums: &mut [f64]) {
     }
 }
 
-/// `own` and a share of the `column` sums around each value, of which `column[first]` is the first
-/// one's.
+/// `own` plus a share of the `column` sums around each value; `column[first]` belongs to the first
+/// value.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_neighbours(own: &[f32], column: &[f64], first: usize, totals: &mut [f64]) {
     for ((total, &own), &column) in totals.iter_mut().zip(own).zip(&column[first..]) {

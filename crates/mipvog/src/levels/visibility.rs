@@ -1,8 +1,8 @@
 //! Visibility: the share of each node that is visible from outside the box.
 //!
-//! Colour of coarser levels is the colour that rays meet first. The inside of a wall, which
-//! training never saw, and the back of a leaf must not mix into the front. So alpha counts in
-//! colour by how much light gets out from it:
+//! The colour of coarser levels should be the colour that rays meet first. The inside of a wall,
+//! which training never saw, and the back of a leaf must not mix into the front. So alpha weights
+//! colour by how much light leaves the node:
 //!
 //! ```text
 //! out(node, d)     = product over the nodes p behind `node` along d of exp(-depth(p) * length(d))
@@ -10,10 +10,10 @@
 //! ```
 //!
 //! with `depth` the optical depth of one interval and `length` the intervals from a node to the
-//! next. The square favours nodes that are visible from most sides. The remainder lets the colour
-//! of hidden nodes through where there is no other.
+//! next. The square favours nodes that are visible from most sides. The constant keeps the colour
+//! of hidden nodes where there is no other.
 //!
-//! Light is followed on the finest level that is at most 160 nodes long, and visibility is
+//! Light is traced on the finest level of at most 160 nodes per side, and visibility is
 //! interpolated from there, so time and memory do not grow with the field. [`OpticalDepthGrid`]
 //! collects that level's optical depths as it streams by.
 
@@ -31,14 +31,14 @@ use crate::model::activate::lanes;
 use crate::model::field::{Activation, DensityFunction};
 use crate::model::grid::{NodeMask, Nodes, row};
 
-/// Nodes along the longest axis of the level on which light is followed, at most.
+/// Most nodes along the longest axis of the level on which light is traced.
 const MAX_NODES: usize = 160;
 /// The visibility of hidden nodes.
 const LEAST_VISIBILITY: f32 = 1e-4;
-/// Nodes of more visibility are lit: by a mean of 1e-4 of the light of all directions.
+/// Nodes above this visibility are lit: they get at least 1e-4 of the light of all directions.
 const LIT: f32 = LEAST_VISIBILITY + 1e-8;
 
-/// The optical depths that are in the way of light.
+/// The optical depths that light passes through.
 #[derive(Debug)]
 pub struct OpticalDepthGrid {
     domain: AlphaDomain,
@@ -46,20 +46,20 @@ pub struct OpticalDepthGrid {
     nodes: Nodes,
     /// Intervals from a node to the next along each axis.
     spacing: [f32; 3],
-    /// Optical depth over one interval by plane, z fastest; empty before it is taken.
+    /// Optical depth over one interval by plane, z fastest; empty until taken.
     depths: Vec<Mutex<Vec<f32>>>,
     /// True if bent normals are found too.
     bent: bool,
     light: Light,
 }
 
-/// The light by which visibility is measured.
+/// The light that visibility is measured with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Light {
     /// True if the importance of nodes to viewers nearby is found too.
     pub importance: bool,
-    /// True if light comes from empty space inside the box too, and not from outside alone: then what
-    /// surrounds a viewer is visible.
+    /// True if light also comes from empty space inside the box, so that the surroundings of a
+    /// viewer inside are visible.
     pub from_inside: bool,
 }
 
@@ -79,13 +79,13 @@ impl OpticalDepthGrid {
         Self { bent, ..self }
     }
 
-    /// Measures by this light.
+    /// Sets the light.
     #[must_use]
     pub fn with_light(self, light: Light) -> Self {
         Self { light, ..self }
     }
 
-    /// The level on which light is followed, of levels of `sizes`.
+    /// The level on which light is traced, among levels of `sizes`.
     pub fn level(sizes: &[Nodes]) -> usize {
         let small = |nodes: &Nodes| nodes.0.iter().all(|&size| size <= MAX_NODES);
         sizes.iter().position(small).unwrap_or(sizes.len() - 1)
@@ -105,7 +105,7 @@ impl OpticalDepthGrid {
         *lock(&self.depths[x]) = plane;
     }
 
-    /// The visibility of all nodes, once every plane of the level was taken.
+    /// The visibility of all nodes, after every plane of the level was taken.
     ///
     /// # Errors
     ///
@@ -142,7 +142,7 @@ fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
             DensityFunction::Relu => value.max(0.0),
         };
         let depth = density * interval;
-        // Negligible here as it is in the sweep.
+        // As negligible as in the sweep.
         *value = if depth > NEGLIGIBLE { depth } else { 0.0 };
     }
 }
@@ -155,18 +155,18 @@ pub struct Visibility {
     shares: Vec<Vec<f32>>,
     /// By plane.
     bent: Vec<BentNormals>,
-    /// Importance of the same nodes to viewers nearby, if it was asked for.
+    /// Importance of the same nodes to viewers nearby, if requested.
     pub importance: Option<NodeImportance>,
 }
 
-/// The two nodes of a coarser axis that a node of a finer axis over the same length lies between.
+/// The two nodes of a coarser axis around a node of a finer axis of the same length.
 #[derive(Debug, Clone, Copy)]
 pub struct LinearTap {
     /// The one before.
     pub low: usize,
     /// The one after; the same at the axis's end.
     pub high: usize,
-    /// The way from one to the other, 0 to below 1.
+    /// The position between them, 0 to below 1.
     pub fraction: f32,
 }
 
@@ -193,14 +193,14 @@ impl Visibility {
         self.sampler_of(nodes, x, |x| self.shares[x].iter().copied())
     }
 
-    /// Parts of the bent normals along `axis` times 32767, at plane `x` of a grid of `nodes` over
-    /// the same box. Bent normals must have been found.
+    /// Components of the bent normals along `axis` times 32767, at plane `x` of a grid of `nodes`
+    /// over the same box. Requires bent normals.
     pub fn bent_sampler(&self, nodes: Nodes, x: usize, axis: usize) -> PlaneSampler {
         let part = |x: usize| self.bent[x][axis].iter().copied().map(f32::from);
         self.sampler_of(nodes, x, part)
     }
 
-    /// The nodes of a grid over the same box that some light reaches.
+    /// The lit nodes of a grid over the same box.
     ///
     /// # Errors
     /// Too little memory.
@@ -251,8 +251,8 @@ pub struct PlaneSampler {
 }
 
 impl PlaneSampler {
-    /// Multiplies `values`, all of one row, by the numbers of their nodes. The first one is node
-    /// number `first` of the plane.
+    /// Multiplies `values`, all of one row, by the numbers of their nodes. The first value belongs
+    /// to node `first` of the plane.
     pub fn multiply(&self, first: usize, values: &[f32], products: &mut [f32]) {
         let [_, ny, nz] = self.nodes.0;
         let (y, z) = (first / nz, first % nz);
@@ -262,7 +262,7 @@ impl PlaneSampler {
     }
 }
 
-/// Multiplies `values` by `low` and `high`, mixed.
+/// Multiplies `values` by a mix of `low` and `high`.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn multiply_mixed(values: &[f32], low: &[f32], high: &[f32], fraction: f32, products: &mut [f32]) {
     let mixed = low.iter().zip(high).map(|(low, high)| low + (high - low) * fraction);

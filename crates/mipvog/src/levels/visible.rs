@@ -1,13 +1,13 @@
 //! The nodes and blocks that can contribute to any pixel.
 //!
-//! Opacity grows with raw density, so a threshold on opacity is one threshold on raw values, found
-//! once; testing a node is one comparison. A trilinear sample never exceeds the largest of its
-//! cell's 8 corners, whether activation comes before or after interpolation. Therefore a cell is
-//! *visible* if any corner is above the threshold (and the free-space mask, if there is one,
-//! touches the cell), and a node is *retained* if it is a corner of a visible cell. Other nodes are
-//! don't-care nodes: they may hold any value that stays below the threshold. A block of nodes is
-//! dropped only if it holds no retained node. All its cells then stay below the threshold even
-//! where its neighbours are kept and its own nodes read as empty.
+//! Opacity grows with raw density, so a threshold on opacity is a threshold on raw values: testing
+//! a node is one comparison. A trilinear sample never exceeds the largest of its cell's 8 corners,
+//! with activation before or after interpolation. Therefore a cell is *visible* if any corner is
+//! above the threshold (and the free-space mask, if there is one, touches the cell), and a node is
+//! *retained* if it is a corner of a visible cell. Other nodes are don't-care nodes: they may hold
+//! any value that stays below the threshold. A block of nodes is dropped only if it holds no
+//! retained node. All its cells then stay below the threshold, even if its neighbours are kept and
+//! its own nodes read as empty.
 //!
 //! Coarser levels follow the same rule on their own filtered density. If density is not filtered
 //! (the research code's levels), a cell is visible if it overlaps a visible cell of level 0.
@@ -24,8 +24,8 @@ use crate::model::field::{
 use crate::model::grid::{CellMask, NodeMask, Nodes};
 use mipvog_format::sample::free_cells::{any_in_ranges, inside_cells};
 
-/// The free-space mask is left out of containers where it drops less opacity than this share of all
-/// that is visible: 120 dB below the picture.
+/// Containers omit a free-space mask that drops less than this share of the visible opacity: 120 dB
+/// below the picture.
 const DROPPED_SHARE: f64 = 1e-6;
 
 /// The visible nodes of one level, and the reasons why the others are not.
@@ -35,7 +35,7 @@ pub struct VisibleLevel {
     pub retained: NodeMask,
     /// Nodes whose own opacity is above the threshold.
     pub opaque_nodes: u64,
-    /// Those of them that only the free-space mask drops.
+    /// Opaque nodes that only the free-space mask drops.
     pub masked_nodes: u64,
 }
 
@@ -48,9 +48,9 @@ pub struct Visible {
     pub raw_threshold: f32,
     /// True if pictures would change without the free-space mask.
     pub mask_is_required: bool,
-    /// Visibility, where coarser levels average alpha.
+    /// Visibility, if coarser levels average alpha.
     pub visibility: Option<Visibility>,
-    /// Nodes of level 0 whose alpha is not 0, where coarser levels average alpha.
+    /// Nodes of level 0 whose alpha is not 0, if coarser levels average alpha.
     pub occupied: Option<NodeMask>,
     /// Density values that are not finite.
     pub nonfinite: NonfiniteCount,
@@ -60,8 +60,8 @@ pub struct Visible {
     pub bytes_read: u64,
 }
 
-/// Raw density above which a node's opacity exceeds `threshold`, lowered by a hair so that no
-/// rounding, here or in another program's activation, drops a node that is above.
+/// Raw density above which a node's opacity exceeds `threshold`, lowered slightly so that no
+/// rounding, here or in another program's activation, drops a node above it.
 pub fn raw_threshold(threshold: f32, activation: &Activation) -> f32 {
     let raw = activation.raw_at_opacity(threshold.into());
     let slack = match activation.function {
@@ -73,11 +73,11 @@ pub fn raw_threshold(threshold: f32, activation: &Activation) -> f32 {
 
 impl Visible {
     /// Finds the visible nodes of `sizes.len()` levels. `alpha_threshold` is opacity over one
-    /// interval, above 0 and below 1. `light` is that by which visibility is measured.
+    /// interval, above 0 and below 1. `light` is the light that visibility is measured with.
     ///
     /// # Errors
     ///
-    /// Those of reading density; values that are not finite, where those are refused.
+    /// Errors of reading density; values that are not finite, if these are refused.
     pub fn find(
         planes: &Planes,
         sizes: &[Nodes],
@@ -143,8 +143,8 @@ impl Visible {
         self.levels.iter().map(|level| &level.retained).collect()
     }
 
-    /// Drops nodes that no light reaches: what lies behind opaque surfaces all around. Nodes beside
-    /// those that are lit stay.
+    /// Drops nodes that no light reaches, which opaque surfaces enclose. Neighbours of lit nodes
+    /// stay.
     ///
     /// # Errors
     /// Too little memory.
@@ -169,9 +169,9 @@ impl Visible {
         Ok(())
     }
 
-    /// Drops nodes outside `cells` of level 0, the only ones that cameras look at, and outside the
-    /// cells around them: coarser levels' alpha spreads into those, and takes a part of its colour
-    /// from there.
+    /// Drops nodes outside `cells` of level 0, the only cells that cameras see, and outside the
+    /// cells around them: the alpha of coarser levels spreads into those, and takes part of its
+    /// colour from there.
     ///
     /// # Errors
     ///
@@ -185,12 +185,12 @@ impl Visible {
     }
 }
 
-/// The visibility of a field, in passes over density of their own; none where `filter` does not
-/// average alpha or makes no coarser levels.
+/// The visibility of a field, in separate passes over density; none if `filter` does not average
+/// alpha or makes no coarser levels.
 ///
 /// # Errors
 ///
-/// Those of reading density.
+/// Errors of reading density.
 pub fn visibility(
     planes: &Planes,
     sizes: &[Nodes],
@@ -208,12 +208,12 @@ pub fn visibility(
     Ok(search.run(&Silent)?.visibility)
 }
 
-/// The planes of a field, prepared for loops that read them, with everything emptied that its
-/// free-space mask cannot reach.
+/// The planes of a field, prepared for reading, with all nodes outside the reach of its free-space
+/// mask emptied.
 ///
 /// # Errors
 ///
-/// Those of preparing the field, and a request to stop.
+/// Errors of preparing the field, and a request to stop.
 pub fn masked_planes<'a>(
     field: &'a RadianceField,
     nonfinite: Nonfinite,

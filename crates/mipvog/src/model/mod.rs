@@ -1,4 +1,4 @@
-//! What is trained, and how it is seen: radiance fields, cameras, the march of rays.
+//! Radiance fields, cameras and ray marching.
 
 pub mod camera;
 pub mod field;

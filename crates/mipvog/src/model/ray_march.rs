@@ -1,8 +1,8 @@
-//! What every loop over a ray shares: its part inside a box, a bound on its samples, and the light
-//! that samples add up to.
+//! The common parts of all ray loops: the part of a ray inside a box, a bound on its samples, and
+//! compositing.
 //!
-//! A family of models states its density, its colours and the places of its samples. Everything else
-//! of its loop is here, once:
+//! A family of models states its density, its colours and the places of its samples. Everything
+//! else of its loop is here, once:
 //!
 //! ```text
 //! [enters, leaves] = crossing(origin, direction, box, zero)
@@ -17,12 +17,12 @@ use crate::model::camera::Ray;
 use crate::model::field::March;
 use crate::model::trained_model::{RayColor, RayRules};
 
-/// How a family keeps from dividing by a component of a direction that is 0.
+/// How a model family avoids division by a direction component of 0.
 #[derive(Debug, Clone, Copy)]
 pub enum ZeroGuard {
-    /// The component is replaced by this where it is 0.
+    /// Replaces a component of 0.
     Replace(f64),
-    /// This is added to every component, whose reciprocal counts.
+    /// Is added to every component before the reciprocal.
     Add(f64),
 }
 
@@ -76,26 +76,26 @@ fn slabs(
     })
 }
 
-/// The samples that a ray may still take. Every loop over a ray asks for each, so that none is
-/// endless, whatever the ray and the model are, and a request to stop is heard within a ray.
+/// The samples that a ray may still take. Every ray loop requests each sample here, so that it ends
+/// for every ray and model, and notices a request to stop.
 pub struct SampleBudget<'a> {
     left: u32,
     progress: &'a dyn Progress,
 }
 
-/// Samples between two looks at a request to stop.
+/// Samples between two checks for a request to stop.
 const UNHEARD: u32 = 256;
 
 impl<'a> SampleBudget<'a> {
-    /// Of a ray with a first sample at a distance, `step` farther each. None where the ray comes
-    /// from so far away that a step is lost in the rounding of distances: it would stay where it is.
+    /// For a ray with a first sample at a distance and steps of `step`. None if the ray starts so
+    /// far away that a step is lost in rounding: it would never advance.
     pub fn new(start: f64, step: f64, progress: &'a dyn Progress) -> Self {
         let left = if start + step > start { March::MAX_SAMPLES } else { 0 };
         Self { left, progress }
     }
 
-    /// Takes one, if there is one. After a request to stop there is none, and the ray is good for
-    /// nothing.
+    /// Takes a sample, if any is left. After a request to stop none is left, and the ray is
+    /// incomplete.
     #[inline]
     pub fn take(&mut self) -> bool {
         let is_left =
@@ -116,7 +116,7 @@ pub struct Steps {
     pub end: f64,
 }
 
-/// What follows a sample.
+/// The next step after a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Next {
     /// The next one.
@@ -141,18 +141,18 @@ pub struct GrowingSteps {
     most: f64,
     /// Natural logarithm of the ratio of a distance to the one before.
     log_ratio: f64,
-    /// Distances at which steps begin to grow and cease to.
+    /// Distances at which steps start and stop growing.
     bends: [f64; 2],
 }
 
 impl GrowingSteps {
-    /// From a least length to the longest one, each longer by a share of the distance.
+    /// Steps from a shortest to a longest length, proportional to the distance in between.
     pub fn new(least: f64, most: f64, growth: f64) -> Self {
         let log_ratio = libm::log1p(growth);
         Self { least, most, log_ratio, bends: [least / log_ratio, most / log_ratio] }
     }
 
-    /// The number of steps to a distance, up to a constant; whole numbers apart are whole steps.
+    /// The number of steps to a distance, up to a constant.
     pub fn number(&self, distance: f64) -> f64 {
         let [near, far] = self.bends;
         let of_bend = |bend: f64| libm::log(bend) / self.log_ratio;
@@ -179,8 +179,8 @@ impl GrowingSteps {
     }
 }
 
-/// Visits samples at distances of any spacing, front to back, until there is no next one or a visit
-/// asks for the end, and no more than any ray may have. [`Next::Number`] is a step here.
+/// Visits samples at any spacing, front to back, until no sample follows, a visit returns the end,
+/// or the limit of samples is reached. [`Next::Number`] is a step here.
 pub fn walk(
     mut next: impl FnMut() -> Option<f64>,
     progress: &dyn Progress,
@@ -196,8 +196,8 @@ pub fn walk(
 }
 
 impl Steps {
-    /// Visits the samples front to back, by their distances, from the one numbered `first` on, and
-    /// no more than any ray may have.
+    /// Visits the samples by their distances, front to back, from number `first` on, up to the
+    /// limit of samples.
     pub fn walk(&self, first: f64, progress: &dyn Progress, mut visit: impl FnMut(f64) -> Next) {
         let Self { start, step, end } = *self;
         let mut number = first;
@@ -221,10 +221,10 @@ impl Steps {
     }
 }
 
-/// The light of a ray while it is followed front to back, by opacities: `N` accumulated values.
+/// Front-to-back compositing by opacities, with `N` accumulated values.
 #[derive(Debug, Clone, Copy)]
 pub struct Composite<const N: usize> {
-    /// Light left behind all that was added, 0 to 1.
+    /// Light left behind all samples so far, 0 to 1.
     pub transmittance: f64,
     /// Weighted sums of colours and features.
     pub sums: [f64; N],
@@ -239,8 +239,8 @@ impl<const N: usize> Default for Composite<N> {
 }
 
 impl<const N: usize> Composite<N> {
-    /// Adds a sample of an opacity at a distance. `color` is told its weight, and says what the
-    /// sample adds for a weight of 1, if anything.
+    /// Adds a sample of an opacity at a distance. `color` gets its weight, and returns the sample's
+    /// values, if any.
     #[inline]
     pub fn add(&mut self, alpha: f64, distance: f64, color: impl FnOnce(f64) -> Option<[f64; N]>) {
         let weight = alpha * self.transmittance;
@@ -251,7 +251,7 @@ impl<const N: usize> Composite<N> {
         }
     }
 
-    /// Adds a sample whose values are multiplied by its opacity already.
+    /// Adds a sample with premultiplied values.
     #[inline]
     pub fn add_premultiplied(&mut self, alpha: f64, distance: f64, values: [f64; N]) {
         for (sum, value) in self.sums.iter_mut().zip(values) {
@@ -261,7 +261,7 @@ impl<const N: usize> Composite<N> {
         self.transmittance *= 1.0 - alpha;
     }
 
-    /// The sums as the opacity's own, and nothing behind: for models that end rays so.
+    /// Divides the sums by the opacity, and leaves no light: for models that end rays this way.
     pub fn divide_by_opacity(&mut self) {
         let opacity = 1.0 - self.transmittance;
         self.sums = self.sums.map(|sum| sum / opacity);
@@ -276,7 +276,7 @@ impl<const N: usize> Composite<N> {
     }
 }
 
-/// The light of a ray while it is followed front to back, by optical depths.
+/// Front-to-back compositing by optical depths.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct DepthComposite {
     /// Optical depth so far.
@@ -287,7 +287,7 @@ pub struct DepthComposite {
 }
 
 impl DepthComposite {
-    /// Adds an optical depth at a distance, which shows a colour.
+    /// Adds an optical depth with a colour, at a distance.
     pub fn add(&mut self, depth: f64, at: f64, seen: [f64; 3]) {
         let weight = -libm::exp(-self.depth) * libm::expm1(-depth);
         self.color.iter_mut().zip(seen).for_each(|(sum, seen)| *sum += weight * seen);
@@ -295,7 +295,7 @@ impl DepthComposite {
         self.depth += depth;
     }
 
-    /// The light left behind all that was added.
+    /// The light left behind all samples so far.
     pub fn transmittance(&self) -> f64 {
         libm::exp(-self.depth)
     }
@@ -321,7 +321,7 @@ pub fn over_background(sums: [f64; 3], transmittance: f64, rules: &RayRules) -> 
     color
 }
 
-/// The light of a ray by its sums. Light that passes counts at `far`, if there is one.
+/// The light of a ray from its sums. Light that passes through has the depth `far`, if given.
 #[expect(clippy::cast_possible_truncation, reason = "colours are float32")]
 pub fn ray_color(color: [f64; 3], transmittance: f64, distance: f64, rules: &RayRules) -> RayColor {
     let distance = distance + transmittance * rules.far.map_or(0.0, f64::from);
@@ -353,7 +353,7 @@ mod tests {
             let steps = Steps { start, step: 1e-3, end: f64::INFINITY };
             steps.walk(0.0, &Silent, |_| {
                 visits += 1;
-                // A number that is no number goes on as if there were none.
+                // NaN must not loop forever.
                 Next::Number(f64::NAN)
             });
             assert!(visits <= March::MAX_SAMPLES, "{start}");

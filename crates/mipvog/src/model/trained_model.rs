@@ -1,4 +1,4 @@
-//! A trained model as its own renderer shows it.
+//! Trained models with their own rendering rules.
 
 use std::fmt::Debug;
 
@@ -14,8 +14,8 @@ pub struct RayColor {
     pub color: [f32; 3],
     /// Light left behind the field, 0 to 1.
     pub transmittance: f32,
-    /// Expected distance in world units; light that passes the field counts as at `far`, if that is
-    /// set.
+    /// Expected distance in world units; light that passes through the field has the distance
+    /// `far`, if set.
     pub distance: f32,
 }
 
@@ -40,8 +40,7 @@ impl RayRules {
 /// A trained model in memory, evaluated by the rules of the program that trained it: its sample
 /// positions, activations and termination of rays.
 ///
-/// Models that follow the rules of a [`RadianceField`](super::field::RadianceField) do not need
-/// one.
+/// Models with the rules of a [`RadianceField`](super::field::RadianceField) do not need it.
 pub trait TrainedModel: Debug + Send + Sync {
     /// The light along a ray. Its direction need not have unit length. After a request to stop the
     /// light is incomplete.
@@ -71,6 +70,6 @@ pub trait LoadModel: Debug + Send + Sync {
     /// The model.
     ///
     /// # Errors
-    /// Those of reading, and more memory than the limits allow.
+    /// Errors of reading, and more memory than the limits allow.
     fn load(&self, limits: &Limits) -> Result<Box<dyn TrainedModel>>;
 }

@@ -15,10 +15,10 @@ use crate::base::limits::{self, LimitName};
 
 /// The pictures that can be decoded.
 const READ: &str = "a PNG or a JPEG";
-/// The letter of a JPEG's segment that coded values follow.
+/// The marker of the JPEG segment that precedes coded values.
 const START_OF_SCAN: u8 = 0xda;
-/// Bytes that one byte of deflated data stands for, at most (RFC 1951: a match of 258 bytes takes
-/// two bits). JPEGs have fewer: a bit or more stands for a block of 64 values.
+/// Maximum expansion of deflated data, in bytes per byte (RFC 1951: a match of 258 bytes takes two
+/// bits). JPEGs have fewer: a bit or more stands for a block of 64 values.
 const MOST_INFLATED: u64 = 1032;
 
 /// A PNG of 8-bit grey (`values` one a pixel), RGB (three a pixel) or RGBA (four, alpha not
@@ -37,8 +37,8 @@ pub fn png(width: usize, height: usize, values: &[u8]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Width and height of a picture file, as it is stored, from its header: a mark that a viewer should
-/// turn it (EXIF's orientation) does not count. Formats that [`read`] refuses have a size too.
+/// Width and height of a picture file as stored, from its header. EXIF's orientation is ignored.
+/// Formats that [`read`] refuses have a size too.
 pub fn size(path: &Path) -> Result<[usize; 2]> {
     let unreadable = |error| match error {
         imagesize::ImageError::IoError(error)
@@ -61,7 +61,7 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Rgba> {
     decode(BufReader::new(file), path, max_bytes)
 }
 
-/// The same from bytes, which errors say are the file `path`.
+/// The same from bytes; errors name the file `path`.
 pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Result<Rgba> {
     let io = |error| Error::io(error, path);
     let length = from.seek(SeekFrom::End(0)).map_err(io)?;
@@ -97,8 +97,8 @@ pub fn decode(mut from: impl BufRead + Seek, path: &Path, max_bytes: u64) -> Res
             limits::check(LimitName::Memory, "bytes of a picture", bytes, max_bytes, &Place::File)
         })
         .map_err(|error| error.in_file(path))?;
-    // Memory is asked for by the header's word, so the data must be able to fill it. Pixels of a
-    // PNG may have a bit each.
+    // Memory is allocated as the header states, so the data must be able to fill it. PNG pixels can
+    // have one bit each.
     let least = if is_png { pixels / 8 } else { decoder.total_bytes() };
     if least / MOST_INFLATED > length {
         let found = format!("{width} x {height} pixels in {length} bytes");
@@ -125,7 +125,7 @@ fn not_a_picture(why: String, path: &Path) -> Error {
     Error::malformed(Place::File, found, READ).in_file(path)
 }
 
-/// Refuses a JPEG that is cut short: its decoder would make the rest grey.
+/// Refuses a truncated JPEG: its decoder would fill the rest with grey.
 fn check_jpeg_end(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64) -> Result<()> {
     limits::check(LimitName::Memory, "bytes of a picture", length, max_bytes, &Place::File)?;
     let io = |error| Error::new(ErrorKind::Io(error), Place::File);
@@ -144,7 +144,7 @@ fn check_jpeg_end(from: &mut (impl BufRead + Seek), length: u64, max_bytes: u64)
             break;
         }
     }
-    // FF stands in coded values only before 0 and before marks of restarts.
+    // In coded values, FF appears only before 0 and before restart markers.
     match bytes.get(at..).is_some_and(|rest| rest.windows(2).any(|pair| pair == [0xff, 0xd9])) {
         true => Ok(()),
         false => {
@@ -159,7 +159,7 @@ mod tests {
 
     use super::*;
 
-    /// A PNG whose header says another size.
+    /// A PNG whose header states another size.
     fn lying(width: u32, height: u32) -> Vec<u8> {
         let mut bytes = png(2, 2, &[0; 12]).expect("a picture");
         // The first chunk: length, name, width, height, five bytes, CRC-32 from the name on.
@@ -213,7 +213,7 @@ mod tests {
             let error = read(lying(size[0], size[1])).expect_err("a lie").to_string();
             assert!(error.contains(told) && error.contains("a.png"), "{size:?}: {error}");
         }
-        // Small lies are found by the data.
+        // Small false sizes are detected from the data.
         read(lying(3, 2)).expect_err("a lie");
     }
 
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn jpegs_are_read_as_stored_and_whole() {
         let mut bytes = jpeg(48, 16);
-        // A camera that was held upright: viewers turn it, training codes do not.
+        // A picture in portrait orientation: viewers rotate it, training codes do not.
         let turned = b"\xff\xe1\x00\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\
                        \x06\0\0\0\0\0\0\0";
         bytes.splice(2..2, turned.iter().copied());

@@ -10,7 +10,7 @@ use super::{Channels, Samples, finite_half};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName};
 
-/// An EXR of channels, each with a value a pixel, rows from the top.
+/// An EXR of channels, each with one value per pixel, rows from the top.
 pub fn exr(
     width: usize,
     height: usize,

@@ -1,5 +1,5 @@
-//! Pictures as files: 8-bit PNG and JPEG, and float32 EXR. The only door to `image`, `imagesize` and
-//! `exr`, which only the feature `pictures` has.
+//! Pictures as files: 8-bit PNG and JPEG, and float32 EXR. The only users of `image`, `imagesize`
+//! and `exr`, which need the feature `pictures`.
 
 #[cfg(feature = "pictures")]
 mod eight_bit;
@@ -25,7 +25,7 @@ pub struct Rgba {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Four bytes a pixel, alpha not multiplied in.
+    /// Four bytes per pixel, alpha not premultiplied.
     pub bytes: Vec<u8>,
 }
 
@@ -34,7 +34,7 @@ pub struct Rgba {
 pub enum Samples {
     /// float32.
     Single,
-    /// float16; larger values than it has are its largest.
+    /// float16; larger values are clamped to its largest.
     Half,
 }
 
@@ -45,7 +45,7 @@ pub struct Channels {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Names, and a value a pixel, rows from the top.
+    /// Names, and one value per pixel, rows from the top.
     pub channels: Vec<(String, Vec<f32>)>,
 }
 

@@ -1,4 +1,4 @@
-//! What writers of pictures share.
+//! Helpers that writers of pictures share.
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 

@@ -1,4 +1,4 @@
-//! A container's levels as dense arrays, wherever their values lie.
+//! A container's levels as dense arrays, independent of their storage.
 
 use std::sync::Arc;
 
@@ -20,26 +20,26 @@ use crate::model::grid::{Element, NodeMask, row};
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::ViewMlp;
 
-/// An unpacked container: of a file of dense arrays, or of the container itself. Both give the
-/// same values.
+/// An unpacked container: a file of dense arrays, or the container itself. Both give the same
+/// values.
 #[derive(Debug, Clone)]
 pub struct Unpacked {
     /// The container's metadata.
     pub metadata: Metadata,
     /// The container's provenance; null where it has none.
     pub provenance: Json,
-    /// The [`content_checksum`](crate::container::content_checksum) of the container, which
-    /// a file of dense arrays states: its values may have been edited since.
+    /// The [`content_checksum`](crate::container::content_checksum) of the container, as stated in
+    /// a file of dense arrays, whose values may have been edited since.
     pub content: Option<u32>,
     /// Levels, finest first, then shells: the parts of the metadata.
     pub levels: Vec<UnpackedLevel>,
-    /// View-dependent colour, if there is any.
+    /// View-dependent colour, if any.
     pub view_mlp: Option<ViewMlp>,
     /// The free-space mask, if there is one.
     pub free_space: Option<FreeSpace>,
-    /// Ancillary chunks that this version does not know; a file of dense arrays has none.
+    /// Ancillary chunks unknown to this version; a file of dense arrays has none.
     pub others: Vec<OtherChunk>,
-    /// SHA-256 of the header of the file of dense arrays. It identifies the content, but not its
+    /// SHA-256 of the header of the file of dense arrays. It identifies the content, except its
     /// values.
     pub digest: [u8; 32],
 }
@@ -62,9 +62,9 @@ pub struct UnpackedLevel {
 pub enum LevelValues {
     /// Dense arrays.
     Volumes(Box<[Option<Volume>; GROUPS]>),
-    /// A container's codes, and the encodings that they have there.
+    /// A container's codes and their encodings.
     Codes(Arc<(BakedLevel, LevelMetadata)>),
-    /// Those of a level before this rotation.
+    /// The values of a level before this rotation.
     Rotated(Box<(UnpackedLevel, Rotation)>),
 }
 
@@ -95,13 +95,13 @@ impl Unpacked {
         })
     }
 
-    /// Level 0 as a trained field, to be baked anew; none without densities. The field of a
-    /// container's codes holds its values in memory.
+    /// Level 0 as a trained field, for a new bake; none without densities. From a container's
+    /// codes, the field holds its values in memory.
     ///
     /// # Errors
     ///
     /// [`ErrorKind::Unsupported`](crate::base::error::ErrorKind::Unsupported) where level 0 was a
-    /// coarser one, whose densities are no logits; `OverLimit` where dense values take more memory
+    /// coarser one, whose densities are no logits; `OverLimit` if dense values take more memory
     /// than `limits` allow.
     pub fn field(&self, limits: &Limits) -> Result<Option<RadianceField>> {
         let metadata = &self.metadata;
@@ -144,7 +144,7 @@ impl Unpacked {
         }))
     }
 
-    /// A part's density and colours, in memory or where they lie; none without densities.
+    /// A part's density and colours, in memory or in place; none without densities.
     fn grids(
         &self,
         level: &UnpackedLevel,
@@ -166,12 +166,12 @@ impl Unpacked {
 }
 
 impl UnpackedLevel {
-    /// A level whose values are as they are stored.
+    /// A level with values as stored.
     pub fn new(table: Table, values: LevelValues) -> Self {
         Self { table, values, density_scale: 1.0, emptied: None }
     }
 
-    /// Bytes of its values where they lie.
+    /// Bytes of its values as stored.
     pub fn bytes(&self) -> u64 {
         match &self.values {
             LevelValues::Volumes(volumes) => volumes.iter().flatten().map(Volume::bytes).sum(),
@@ -188,7 +188,7 @@ impl UnpackedLevel {
     ///
     /// # Errors
     ///
-    /// Those of reading.
+    /// Errors of reading.
     pub fn read_plane(
         &self,
         (group, channel): (Group, usize),
@@ -277,7 +277,8 @@ impl UnpackedLevel {
             LevelValues::Rotated(rotated) => {
                 let (level, rotation) = &**rotated;
                 let sizes = self.table.grid().nodes.0;
-                // Along one axis all nodes of the slice have one number before the rotation too.
+                // Before the rotation, the nodes of the slice also share their index along one
+                // axis.
                 let axis = rotation.axes[slice.axis];
                 let index = rotation.source(sizes, slice.node(0, 0))[axis];
                 let before = Slice { axis, index };

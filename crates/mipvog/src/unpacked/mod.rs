@@ -1,8 +1,8 @@
 //! A container as dense arrays: the stored values after dequantization, before any activation.
 //! Blocks that are not stored read as their level's empty values.
 //!
-//! [`Unpacked`] is a container's levels wherever their values lie: in its codes, or in a file that
-//! it was unpacked to. [`read_tensors`] gives them as tensors in memory.
+//! [`Unpacked`] is a container's levels, with values in its codes or in a file that it was unpacked
+//! to. [`read_tensors`] gives them as tensors in memory.
 
 mod levels;
 mod planes;

@@ -5,8 +5,8 @@ use crate::container::Container;
 use crate::model::baked::{BakedLevel, Group, LevelMetadata};
 use crate::quantize::decode_codes;
 
-/// A slice of a level's nodes: those with this number along this axis. Its values are in C order of
-/// the other two axes.
+/// A slice of a level: the nodes with this index along this axis. Its values are in C order of the
+/// other two axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Slice {
     /// The axis, 0 to 2.
@@ -35,7 +35,7 @@ impl Slice {
     }
 }
 
-/// Refuses levels that a container does not have, and one a slab of which takes too much memory.
+/// Refuses levels that a container does not have, and a level with slabs that take too much memory.
 pub fn check_levels(container: &Container, levels: &[usize]) -> Result<()> {
     let metadata = container.metadata();
     for (part, level) in metadata.parts().enumerate() {

@@ -7,11 +7,11 @@ use crate::model::baked::{Occupancy, Table};
 use crate::model::grid::{BlockGrid, NodeMask, Nodes, row};
 
 impl UnpackedLevel {
-    /// The level, rotated about the origin. Its values are read where they lie, and those that are
+    /// The level, rotated about the origin. Its values are read in place, and coefficients of
     /// functions of the direction are converted.
     ///
-    /// Blocks are cut anew: they are stored where they hold a node of a block that was. Those with
-    /// nodes of an inherited block may inherit.
+    /// Blocks are cut anew: a block is stored if it holds a node of an old stored block. Blocks
+    /// with nodes of an inherited block may inherit.
     ///
     /// # Errors
     ///
@@ -49,7 +49,7 @@ impl UnpackedLevel {
     }
 }
 
-/// Every node of the blocks of a table that `of` says so of.
+/// Every node of the table's blocks for which `of` returns true.
 fn nodes_of(table: &Table, of: &dyn Fn(Occupancy) -> bool) -> NodeMask {
     let BlockGrid { nodes, edge } = table.grid();
     let [nx, _, nz] = nodes.0;

@@ -18,14 +18,14 @@ impl Rotation {
     /// No rotation.
     pub const NONE: Self = Self { axes: [0, 1, 2], flips: [false; 3] };
 
-    /// Quarter turns about x, y and z, counterclockwise for a viewer whom the axis points at.
+    /// Quarter turns about x, y and z, counterclockwise as seen against the axis.
     const QUARTERS: [Self; 3] = [
         Self { axes: [0, 2, 1], flips: [false, true, false] },
         Self { axes: [2, 1, 0], flips: [false, false, true] },
         Self { axes: [1, 0, 2], flips: [true, false, false] },
     ];
 
-    /// So many quarter turns about the x axis, then about y, then about z. The axes do not turn.
+    /// This many quarter turns about the x axis, then about y, then about z. The axes do not turn.
     pub fn of_quarter_turns(turns: [i32; 3]) -> Self {
         let mut all = Self::NONE;
         for (turns, quarter) in turns.into_iter().zip(Self::QUARTERS) {
@@ -77,8 +77,8 @@ impl Rotation {
         source
     }
 
-    /// The sum that a channel of a group is after the rotation: pairs of a channel before it and a
-    /// factor.
+    /// A channel of a group after the rotation as a sum of channels before it: pairs of a channel
+    /// and a factor.
     ///
     /// Functions of the view direction `d` turn with the field: with coefficients `c` before the
     /// rotation `R`, they are `sum of c_j Y_j(R^-1 d)` after it.
@@ -123,7 +123,7 @@ impl Rotation {
                     4.0 * std::f64::consts::PI * weight * after[first + i] * before[first + j];
             }
         }
-        // Entries that are 0 come out as roundings.
+        // Zero entries come out as rounding errors.
         row.iter_mut().filter(|entry| entry.abs() < 1e-12).for_each(|entry| *entry = 0.0);
         row
     }
@@ -180,7 +180,8 @@ mod tests {
             for band in 1..=3 {
                 let first = band * band;
                 let count = 2 * band + 1;
-                // A field with one coefficient, seen from the same side before and after.
+                // A field with one coefficient, seen from the same side before and after the
+                // rotation.
                 for j in 0..count {
                     let row = |i| rotation.harmonics(band, i)[j];
                     let sum: f64 = (0..count).map(|i| row(i) * after[first + i]).sum();

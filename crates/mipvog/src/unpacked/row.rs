@@ -21,7 +21,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// A tensor whose bytes follow from its type and shape.
+    /// A tensor; its type and shape determine its bytes.
     ///
     /// # Errors
     ///

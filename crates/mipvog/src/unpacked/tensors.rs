@@ -12,8 +12,8 @@
 //! | `free_space.map` | `[3,3]` f64 | its scale, shift and (threshold, 0, 0) |
 //!
 //! `__metadata__.mipvog` is the container's metadata, `__metadata__.mipvog_provenance` its
-//! provenance, and `__metadata__.mipvog_content` tells values that were edited from others: the
-//! [`content_checksum`], in hexadecimal digits.
+//! provenance, and `__metadata__.mipvog_content`, the [`content_checksum`] in hexadecimal digits,
+//! reveals edited values.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -37,7 +37,8 @@ pub const CONTENT: &str = "mipvog_content";
 ///
 /// # Errors
 ///
-/// `InvalidOption` for levels that are not there; damage; more memory than the container's limits allow.
+/// `InvalidOption` for levels that are not there; damage; more memory than the container's limits
+/// allow.
 pub fn read_tensors(
     container: &Container,
     levels: &[usize],
@@ -120,8 +121,8 @@ pub fn digest_of_tensors(container: &Container) -> Result<[u8; 32]> {
     Ok(safetensors_digest(header(container, metadata, &rows)?.as_bytes()))
 }
 
-/// The tensors of some levels and their shells (all if `levels` is empty), in the order of the file:
-/// coarse to fine, as they are read.
+/// The tensors of some levels and their shells (all if `levels` is empty), in file order: coarse to
+/// fine, in the order of reading.
 pub fn rows(
     metadata: &Metadata,
     levels: &[usize],
@@ -237,7 +238,7 @@ pub fn header(container: &Container, metadata: &Metadata, rows: &[Row]) -> Resul
     Ok(safetensors_header(&texts(container, metadata)?, rows))
 }
 
-/// The texts that make a file of tensors an unpacked container.
+/// The metadata that makes a file of tensors an unpacked container.
 pub fn texts(container: &Container, metadata: &Metadata) -> Result<BTreeMap<&'static str, String>> {
     let mut texts = BTreeMap::from([("mipvog", to_canonical(metadata)?)]);
     if let Some(provenance) = container.provenance()? {

@@ -30,7 +30,7 @@ impl Lattice {
                 .map(|i| {
                     let at = (i / factor) as f64 + (i % factor) as f64 / factor as f64;
                     let mut share = at / cells as f64;
-                    // A node must not come out a hair below itself: it would be interpolated.
+                    // Rounding must not place a node below itself: it would be interpolated.
                     while share * (cells as f64) < at {
                         share = share.next_up();
                     }
@@ -52,10 +52,10 @@ impl Lattice {
     pub fn of_cubes(bounds: &Bounds, count: usize, limits: &Limits) -> Result<Self> {
         let extent = bounds.extent();
         let edge = extent.into_iter().fold(0.0, f64::max) / count as f64;
-        // A cube that overhangs by rounding alone is none.
+        // A cube that overhangs only by rounding does not count.
         let cubes = extent.map(|extent| (extent / edge - 1e-6).ceil().max(1.0) as usize);
         check_counts(cubes.map(|cubes| cubes + 1), limits)?;
-        // A share that is beside the box by rounding alone is on its face.
+        // A share that is outside the box only by rounding is on its face.
         let snapped = |share: f64| if (share - 1.0).abs() < 1e-6 { 1.0 } else { share };
         let shares = [0, 1, 2].map(|axis| {
             (0..=cubes[axis]).map(|i| snapped(i as f64 * edge / extent[axis])).collect()
@@ -68,7 +68,7 @@ impl Lattice {
         [0, 1, 2].map(|axis| self.shares[axis].len())
     }
 
-    /// The place of a point in shares of the box, from 0; above 1 beside it.
+    /// The place of a point in shares of the box, from 0; above 1 outside.
     pub fn share(&self, at: [usize; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.shares[axis][at[axis]])
     }
@@ -78,7 +78,7 @@ impl Lattice {
         [0, 1, 2].map(|axis| self.first[axis] + at[axis] as f64 * self.spacing[axis])
     }
 
-    /// Leaves the points in a box, of which there are at least two along each axis.
+    /// Keeps the points in a box, at least two along each axis.
     ///
     /// # Errors
     ///
@@ -140,7 +140,7 @@ mod tests {
                 let lattice = lattice.expect("small");
                 let counts = lattice.counts();
                 let last = lattice.share(counts.map(|count| count - 1));
-                // The longest axis is filled; on the others a cube may overhang by itself.
+                // Cubes fill the longest axis exactly; on the others one cube may overhang.
                 let longest = usize::from(edge > 1.0);
                 assert_eq!(last[longest], 1.0, "{count} {edge}");
                 assert!(last.iter().all(|&last| last >= 1.0), "{count} {edge} {last:?}");

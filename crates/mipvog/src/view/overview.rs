@@ -1,11 +1,11 @@
-//! A camera for a scene that comes without one: all that is visible fills its picture.
+//! A camera for a scene without one; the visible scene fills its picture.
 //!
-//! Small pictures from around the box give points of the scene's surface. The camera looks from
-//! the front, the right and above, at the middle of these points as its picture shows them, from so
-//! far that all of them are inside.
+//! Small pictures from around the box give points of the scene's surface. The camera looks from the
+//! front right and above at the middle of these points in its picture, from just far enough to show
+//! all of them.
 //!
-//! A world is looked at from inside: from the place in the middle half of the innermost box that is
-//! farthest from everything, towards the box's middle.
+//! For a world, the camera is inside: at the place in the middle half of the innermost box that is
+//! farthest from all surfaces, looking at the box's middle.
 
 use glam::DVec3;
 
@@ -23,7 +23,8 @@ const LOOKS: usize = 6;
 const SIDE: usize = 72;
 /// Opacity from which a pixel shows something.
 const SHOWS: f32 = 0.5;
-/// Share of the points that may be outside to each side: single floaters do not move the camera.
+/// Share of the points that may lie outside on each side, so that single floaters do not move the
+/// camera.
 const OUTSIDE: f64 = 0.0005;
 /// Share of the picture that is left empty around the scene.
 const MARGIN: f64 = 0.08;
@@ -31,9 +32,10 @@ const MARGIN: f64 = 0.08;
 const AROUND: f64 = -0.96;
 /// Angle of the view above the horizon, in radians.
 const UP: f64 = 0.42;
-/// Places along each axis that a camera inside a world is looked for at.
+/// Candidate places along each axis for a camera inside a world.
 const PLACES: usize = 4;
-/// Other places inside a world are at least so far from everything, of the farthest one's distance.
+/// Minimum distance of other places inside a world from all surfaces, relative to the farthest
+/// place.
 const NEARLY_AS_FREE: f64 = 0.3;
 /// Angle of the view inside a world, in radians.
 pub const INSIDE_ANGLE: f64 = 1.2;
@@ -41,7 +43,7 @@ pub const INSIDE_ANGLE: f64 = 1.2;
 /// The camera, with a picture of `size` pixels.
 ///
 /// # Errors
-/// Those of rendering: rules that no picture can be made by, and `Cancelled`.
+/// Errors of rendering: rules that cannot be rendered, and `Cancelled`.
 pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
     if !field.view().boxes.is_empty() {
         return inside(field, size, progress);
@@ -58,11 +60,11 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
     let lens = Lens::centered(size, half_angle);
     let (middle, radius) = sphere(bounds);
     let whole = Camera::looking_at(middle, back, radius / libm::sin(half_angle), name(), lens);
-    // Nothing is opaque: the box is all there is to look at.
+    // Nothing is opaque, so the camera shows the box.
     Ok(if points.is_empty() { whole } else { closest(&whole, &points) })
 }
 
-/// A PNG of `size` pixels that [`overview`] sees, four rays a pixel, over the background.
+/// A PNG of `size` pixels from [`overview`], four rays per pixel, over the background.
 ///
 /// # Errors
 /// As [`overview`].
@@ -90,7 +92,7 @@ fn inside(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result
     Ok(Camera::looking_at(eye - away, away, 1.0, name(), lens))
 }
 
-/// So many cameras inside a world, at the place of [`overview`], that look around the horizon.
+/// `count` cameras inside a world, at the place of [`overview`], looking around the horizon.
 ///
 /// # Errors
 /// As [`overview`].
@@ -109,12 +111,12 @@ pub fn panorama(
     Ok((0..count).map(camera).collect())
 }
 
-/// The places in the middle half of the innermost box that are farthest from everything, at most
-/// `most` and at least one: the farthest first, and others that are not much nearer. Boxes reach
-/// farther than the cameras of most scenes stand.
+/// The places in the middle half of the innermost box that are farthest from all surfaces, at least
+/// one and at most `most`: the farthest first, then others that are not much nearer. The outer half
+/// is excluded because most scenes have no cameras there.
 ///
 /// # Errors
-/// Those of rendering, and `Cancelled`.
+/// Errors of rendering, and `Cancelled`.
 pub fn standpoints(field: &Renderer, most: usize, progress: &dyn Progress) -> Result<Vec<DVec3>> {
     let bounds = &field.view().finest_bounds;
     let (middle, radius) = sphere(bounds);
@@ -141,7 +143,7 @@ pub fn standpoints(field: &Renderer, most: usize, progress: &dyn Progress) -> Re
     };
     let distances = light.chunks(around.len()).map(free);
     let mut free: Vec<(f64, DVec3)> = distances.zip(places).filter(|(at, _)| *at > 0.0).collect();
-    // Stable: of equally free places the first one.
+    // Stable sort: of equally free places, the first one wins.
     free.sort_by(|a, b| b.0.total_cmp(&a.0));
     let least = free.first().map_or(0.0, |(distance, _)| NEARLY_AS_FREE * distance);
     free.retain(|(distance, _)| *distance >= least);
@@ -163,7 +165,7 @@ fn surface(camera: &Camera, frame: &Frame, far: Option<f32>, points: &mut Vec<DV
         if left > 1.0 - SHOWS {
             continue;
         }
-        // Light that passes the field counts at `far`.
+        // Light that passes through the field has the depth `far`.
         let reached = frame.distance[pixel] - left * far.unwrap_or(0.0);
         let [x, y] = [pixel % frame.width, pixel / frame.width];
         let ray = camera.ray(x as f64 + 0.5, y as f64 + 0.5);
@@ -198,7 +200,7 @@ fn closest(camera: &Camera, points: &[DVec3]) -> Camera {
     closest
 }
 
-/// The number that all but a few are at most.
+/// The quantile that all but a few numbers do not exceed.
 fn quantile(mut numbers: Vec<f64>) -> f64 {
     let index = ((1.0 - OUTSIDE) * (numbers.len() - 1) as f64).round() as usize;
     numbers.sort_by(f64::total_cmp);

@@ -10,12 +10,12 @@ use crate::export_files::WrittenFiles;
 use crate::picture;
 use crate::volume::{Extinction, POINTS, SIDE, VolumePoints};
 
-/// The points of a sheet, as an engine's texture holds them: colours are decoded before they are
-/// interpolated, opacity is not.
+/// The points of a sheet, as in an engine's texture: colours are decoded before interpolation,
+/// opacity is not.
 ///
 /// # Errors
 ///
-/// Those of reading, and a description that does not fit the picture.
+/// Errors of reading, and a description that does not fit the picture.
 pub fn read(files: &WrittenFiles, limits: &Limits) -> Result<VolumePoints> {
     let text = files.with_extension("json")?;
     let bytes = text.read(0, text.length(), limits.header_bytes)?;
@@ -62,13 +62,13 @@ pub fn read(files: &WrittenFiles, limits: &Limits) -> Result<VolumePoints> {
         first: std::array::from_fn(|axis| described.bounds[0][axis] + half[axis]),
         spacing: described.spacing,
         extinction: described.step.map_or(Extinction::Density, Extinction::Opacity),
-        // The box of the description, half a distance of points beyond the points.
+        // The box of the description, which extends half a step beyond the points.
         faces: Some(described.dims.map(|count| [-0.5, count as f64 - 0.5])),
         leaves,
     })
 }
 
-/// A point and its copies beyond the faces that it lies on: engines clamp textures.
+/// A point and its copies beyond its faces, because engines clamp textures.
 fn copies(at: [usize; 3], counts: [usize; 3]) -> impl Iterator<Item = [i32; 3]> {
     let [xs, ys, zs] = [0, 1, 2].map(|axis| {
         let place = at[axis] as i32;

@@ -17,7 +17,7 @@ use crate::view::Lattice;
 use crate::view::render::Renderer;
 use crate::volume::{SparseVolume, VolumeModel, lattice, lost, place_of, points, volume};
 
-/// Pixels along a side of a sheet, at most: engines take no larger pictures.
+/// Maximum pixels along a side of a sheet, the limit of engines.
 const LARGEST_SIDE: usize = 16_384;
 /// Points for each node along an axis.
 const FACTOR: usize = 1;

@@ -1,4 +1,4 @@
-//! A mesh alone, as a GLB: for programs that draw triangles and nothing else.
+//! A mesh alone, as a GLB, for programs that only draw triangles.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use crate::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
 use crate::model::camera::Camera;
 use crate::view::render::tiles;
 
-/// Triangles where no other number is asked for, at most.
+/// Default maximum number of triangles.
 const TRIANGLES: usize = 100_000;
 /// Bytes of the headers of a GLB and of its first chunk, and of a chunk's header.
 const HEADERS: usize = 20;
@@ -140,7 +140,7 @@ fn read(file: &SourceFile, limits: &Limits) -> Result<Mesh> {
     })
 }
 
-/// A mesh as programs of triangles draw it without light.
+/// A mesh, rendered unlit.
 struct ShownMesh {
     mesh: Mesh,
     background: [f32; 3],
@@ -157,8 +157,8 @@ struct Corner {
 }
 
 impl ShownMesh {
-    /// A vertex on the picture; none behind the camera. Triangles with such a vertex are left out,
-    /// which only cameras inside of the mesh see.
+    /// A vertex on the picture; none behind the camera. Triangles with such a vertex are skipped;
+    /// they occur only for cameras inside the mesh.
     fn corner(&self, vertex: u32, camera: &Camera, to_camera: &glam::DMat4) -> Option<Corner> {
         let position = self.mesh.positions.get(vertex as usize)?.map(f64::from);
         let place = to_camera.transform_point3(DVec3::from_array(position));
@@ -197,7 +197,7 @@ impl Shown for ShownMesh {
     }
 }
 
-/// Draws a triangle over what is farther, at the centres of pixels.
+/// Draws a triangle at pixel centres, with a depth test.
 fn draw(
     corners: [Corner; 3],
     [width, height]: [usize; 2],

@@ -1,4 +1,4 @@
-//! glTF assets: fields attached to them, and meshes that viewers without the extension show.
+//! glTF assets: fields attached to them, and meshes for viewers without the extension.
 
 pub mod asset;
 pub mod attach;

@@ -26,14 +26,14 @@ use mipvog_inputs::snerg::layout::{EMPTY, INDICES, PARAMETERS};
 const FACTOR: usize = 2;
 /// The largest number of voxels for the finest spacing of nodes.
 const MOST_FACTOR: usize = 16;
-/// Voxels along the edge of a block. With aprons, blocks are 16 texels: a multiple of the cubes that
-/// the viewer skips, of which Mip-VoG's coarsest pictures still have two.
+/// Voxels along the edge of a block. With aprons, blocks are 16 texels: a multiple of the cubes
+/// that the viewer skips, of which Mip-VoG's coarsest pictures still have two.
 const BLOCK: usize = 14;
-/// The most voxels along an axis: 255 blocks.
+/// Maximum voxels along an axis: 255 blocks.
 const MOST_VOXELS: usize = 255 * BLOCK;
 /// Directions of a mean colour.
 const DIRECTIONS: usize = 96;
-/// Slices from which on names of coarser pictures would be those of finer ones.
+/// Number of slices from which on names of coarser pictures would collide with finer ones.
 const MOST_MIP_SLICES: usize = 100;
 
 /// A folder of pictures for SNeRG's viewer.
@@ -51,7 +51,7 @@ impl ExportFormat for Snerg {
 
     fn check(&self, source: &ExportSource, options: &ExportOptions, _: &Path) -> Result<()> {
         let grid = grid(source, options)?;
-        // Blocks that may hold something: at least those that will be kept.
+        // Possibly non-empty blocks: at least those that will be stored.
         let texels =
             Texels { field: &source.field, level: options.level, grid: &grid, directions: None };
         let [x, y, z] = grid.blocks();
@@ -67,7 +67,7 @@ impl ExportFormat for Snerg {
             let expected = format!("fewer than {MOST_MIP_SLICES}, for the names of coarser ones");
             return Err(Error::invalid_option("mips", found, expected));
         }
-        // A layer of both kinds, with its coarser ones and the pictures made of it.
+        // A layer of both kinds, with its coarser layers and their pictures.
         let layer = width * height * layout.edge as u64 * 8;
         let bytes = 3 * layer + (x * y * z) as u64;
         limits::check(
@@ -141,7 +141,7 @@ fn network_of(field: &Renderer) -> Option<&ViewMlp> {
     field.view().view_dependence.as_ref().and_then(ViewDependence::network)
 }
 
-/// The voxels that options ask for.
+/// The voxels for the options.
 fn grid(source: &ExportSource, options: &ExportOptions) -> Result<VoxelGrid> {
     let view = source.field.view();
     let spacing = view.nodes.spacing(&view.bounds);
@@ -174,15 +174,15 @@ fn indices([x, y, z]: [usize; 3], kept: &[usize], layout: &Layout) -> Result<Vec
     picture::png(x, z * y, &pixels)
 }
 
-/// The part of an address that opens the folder in the viewer. The angle is that of the pictures
-/// that most scenes have been trained from.
+/// The part of an address that opens the folder in the viewer. The angle is that of most training
+/// pictures.
 fn address(source: &ExportSource, folder: &Path) -> String {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let near = source.field.view().march.near.max(0.33);
     format!("index.html?dir={name}&s=800,800&vfovy=39&near={near}")
 }
 
-/// What a folder does not hold.
+/// Content that a folder cannot represent.
 fn lost(source: &ExportSource, options: &ExportOptions, has_network: bool) -> Vec<String> {
     let field = &source.field;
     let mut lost = vec!["precision: colours, features and opacity have 8 bits".to_owned()];

@@ -3,8 +3,7 @@
 use crate::model::grid::Bounds;
 use mipvog_inputs::snerg::layout::APRON;
 
-/// A box this much larger than a whole number of voxels, in voxels, is that number: sizes are
-/// float32.
+/// Tolerance in voxels for boxes of a whole number of voxels, because sizes are float32.
 const ROUNDING: f64 = 1e-4;
 
 /// Cubic voxels that cover a box, in the axes of OpenGL: `(-x, z, y)` of the world's.
@@ -22,7 +21,7 @@ pub(super) struct VoxelGrid {
 }
 
 impl VoxelGrid {
-    /// So many voxels along the longest axis of a `part` of a field's `bounds`.
+    /// `longest` voxels along the longest axis of a `part` of a field's `bounds`.
     pub(super) fn new(bounds: &Bounds, part: &Bounds, longest: usize, block: usize) -> Self {
         let [low, high] = [part.min, part.max].map(|corner| corner.map(f64::from));
         let min = [-high[0], low[2], low[1]];

@@ -4,12 +4,12 @@ use super::grid::VoxelGrid;
 use crate::base::error::{Error, Result};
 use mipvog_inputs::snerg::layout::EMPTY;
 
-/// Texels along a side of the atlas, at most: graphics cards take no larger textures.
+/// Maximum texels along a side of the atlas, the limit of graphics cards.
 const LARGEST_SIDE: usize = 2048;
 /// Pictures of coarser levels that Mip-VoG's viewer reads.
 pub(super) const MIPS: usize = 3;
-/// Planes of the atlas are a multiple of this where there are coarser pictures: the coarsest ones
-/// hold four planes each.
+/// Planes of the atlas are a multiple of this if there are coarser pictures, because the coarsest
+/// ones hold four planes each.
 const MIP_DEPTH: usize = 32;
 
 /// The atlas, in blocks.
@@ -22,10 +22,10 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// For so many blocks, as cubic as they allow.
+    /// For this many blocks, as cubic as possible.
     ///
     /// # Errors
-    /// `InvalidOption` where they do not fit.
+    /// `InvalidOption` if they do not fit.
     pub(super) fn new(grid: &VoxelGrid, blocks: usize, mips: bool) -> Result<Self> {
         let edge = grid.edge();
         let most = (LARGEST_SIDE / edge).min(usize::from(EMPTY));
@@ -49,7 +49,7 @@ impl Layout {
         self.blocks.map(|count| count * self.edge)
     }
 
-    /// The place of block `number` of those that are kept.
+    /// The place of stored block `number`.
     pub(super) fn place(&self, number: usize) -> [usize; 3] {
         let [x, y, _] = self.blocks;
         [number % x, number / x % y, number / (x * y)]

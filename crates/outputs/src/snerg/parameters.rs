@@ -43,7 +43,7 @@ pub(super) fn text(grid: &VoxelGrid, layout: &Layout, network: Option<&ViewMlp>)
     });
     let mut parameters: Map<String, Value> = sizes.as_object().cloned().unwrap_or_default();
     for (number, layer) in network.into_iter().flat_map(|network| &network.layers).enumerate() {
-        // Input by input, and waves of a direction by octave.
+        // Input by input, with sines and cosines of a direction by octave.
         let mut rows = vec![Vec::new(); layer.inputs];
         for input in 0..layer.inputs {
             let row = if number == 0 { folder_input(input) } else { input };

@@ -1,4 +1,4 @@
-//! The folder as its viewer shows it.
+//! Reads a folder back by its viewer's rules.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::view::render::{Renderer, View};
 use mipvog_inputs::snerg::layout::PARAMETERS;
 use mipvog_inputs::{SourceOptions, open_with};
 
-/// Opens files that have no names yet: under their names in a folder of links beside them.
+/// Opens files without names, via a folder of links with their names.
 pub(super) fn read_back(view: &View, files: &WrittenFiles, limits: &Limits) -> Result<Renderer> {
     let folder = files.linked()?;
     let path: &Path = folder.path();
@@ -18,6 +18,6 @@ pub(super) fn read_back(view: &View, files: &WrittenFiles, limits: &Limits) -> R
     let Some(model) = &source.model else {
         return Err(Error::usage("a SNeRG folder has rules of its own"));
     };
-    // The atlas is read into memory: the links go after this.
+    // The atlas is read into memory, because the links are removed after this.
     Ok(Renderer::with_view(view, model.load(limits)?))
 }

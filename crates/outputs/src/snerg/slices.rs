@@ -17,12 +17,12 @@ struct Texture {
     texels: Vec<[u8; 4]>,
 }
 
-/// The pictures of one kind and one level, as they are filled.
+/// The pictures of one kind and one level, during filling.
 #[derive(Debug)]
 struct Series {
     level: usize,
     name: fn(usize) -> String,
-    /// Planes that wait for a picture to be full.
+    /// Planes of an incomplete picture.
     waiting: Vec<[u8; 4]>,
     pictures: usize,
 }
@@ -50,7 +50,7 @@ impl Texture {
         }
     }
 
-    /// Means of cubes of eight texels. Values are multiplied by opacity, so that means are right.
+    /// Means of cubes of eight texels. Values are premultiplied, so means are correct.
     fn halved(&self) -> Self {
         let [width, height, _] = self.sides;
         let sides = self.sides.map(|side| side / 2);
@@ -81,7 +81,7 @@ impl Series {
         }
     }
 
-    /// Adds planes, and writes the pictures that are full.
+    /// Adds planes, and writes complete pictures.
     fn push(&mut self, texture: &Texture, folder: &Path, files: &mut ExportFiles) -> Result<()> {
         let [width, height, _] = texture.sides;
         self.waiting.extend_from_slice(&texture.texels);

@@ -4,17 +4,17 @@ use super::grid::VoxelGrid;
 use crate::view::render::{Directions, Renderer};
 use mipvog_inputs::snerg::layout::FEATURES;
 
-/// Opacity of a voxel from which a block is kept, as SNeRG's exporter does.
+/// Voxel opacity above which a block is stored, as in SNeRG's exporter.
 const KEPT_OPACITY: f64 = 0.005;
 /// The least opacity that is not rounded to 0.
 const LEAST_OPACITY: f64 = 0.5 / 255.0;
 
-/// What texels are made of.
+/// The source of texels.
 pub(super) struct Texels<'a> {
     pub(super) field: &'a Renderer,
     pub(super) level: usize,
     pub(super) grid: &'a VoxelGrid,
-    /// Directions whose colours are averaged, for a field without a network for each ray.
+    /// Directions for averaging colours, for a field without a network per ray.
     pub(super) directions: Option<&'a Directions>,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct BlockTexels {
 }
 
 impl Texels<'_> {
-    /// True if some texel of a block is not nearly clear.
+    /// True if any texel of a block is visible.
     pub(super) fn keeps(&self, block: [usize; 3]) -> bool {
         if self.field.is_empty(self.grid.corners(block), self.level) {
             return false;

@@ -1,4 +1,4 @@
-//! Splats in the axes of formats whose y is up.
+//! Rotates splats to the axes of formats with y up.
 
 use super::project::{COLOR, GaussianSplat};
 use crate::model::baked::Group;
@@ -9,7 +9,7 @@ use crate::unpacked::Rotation;
 #[derive(Debug)]
 pub(super) struct Turn {
     rotation: Rotation,
-    /// Of each coefficient beyond band 0: the ones it is a sum of, and a factor of each.
+    /// For each coefficient beyond band 0: its source coefficients and their factors.
     sums: Vec<Vec<(usize, f32)>>,
 }
 
@@ -19,7 +19,7 @@ impl Turn {
         Self::of(Rotation::of_quarter_turns([3, 0, 0]))
     }
 
-    /// The way back.
+    /// The inverse.
     pub(super) fn y_up_to_z_up() -> Self {
         Self::of(Rotation::of_quarter_turns([1, 0, 0]))
     }

@@ -1,4 +1,4 @@
-//! Kinds of files of splats, told by the output's name.
+//! Kinds of splat files, by the output's name.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub enum FileKind {
     Gltf,
 }
 
-/// What a file says of its making.
+/// The provenance in a file.
 #[derive(Debug)]
 pub struct Origin<'a> {
     /// Name of the source, without folders.
@@ -37,7 +37,7 @@ pub struct Origin<'a> {
 impl FileKind {
     const ALL: [Self; 4] = [Self::Ply, Self::Spz, Self::Glb, Self::Gltf];
 
-    /// The kind that an output's name means.
+    /// The kind for an output's name.
     ///
     /// # Errors
     /// `Usage` for other names.
@@ -51,7 +51,7 @@ impl FileKind {
         })
     }
 
-    /// What files of this kind end in.
+    /// The extension of this kind.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Ply => "ply",
@@ -70,7 +70,7 @@ impl FileKind {
         }
     }
 
-    /// The rules that renderers show it by.
+    /// The rendering rules of its programs.
     pub fn rules(self) -> Rules {
         match self {
             Self::Ply | Self::Spz => Rules::TRAINING,
@@ -81,7 +81,7 @@ impl FileKind {
     /// Writes splats in training axes. `bits` are those after the point of positions in `.spz`.
     ///
     /// # Errors
-    /// Those of writing.
+    /// Errors of writing.
     pub fn write(
         self,
         splats: &[GaussianSplat],

@@ -18,9 +18,9 @@ use crate::export_files::{ExportFiles, WrittenFiles};
 use crate::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown};
 use crate::model::activate::lanes;
 
-/// Splats at most, where the user does not say.
+/// Default maximum number of splats.
 const SPLATS: usize = 100_000;
-/// The largest share of a pixel's light that a splat without use has.
+/// Splats with at most this share of every pixel's light are useless.
 const UNSEEN: f32 = 0.02;
 
 /// Gaussian splats, in the kind of file that the output's name says.
@@ -40,8 +40,7 @@ impl ExportFormat for Splat {
         true
     }
 
-    /// Larger, because renderers widen splats by a part of a pixel: half the size would show 5 dB
-    /// less.
+    /// Larger, because renderers widen splats by a part of a pixel: half the size would lose 5 dB.
     fn side(&self) -> usize {
         400
     }
@@ -137,7 +136,7 @@ fn fit(
     let mut fit = Fit::new(placed, source.field.view().background);
     progress.begin(Step::Fit, STEPS as u64);
     fit.run(targets, progress)?;
-    // Those that are too faint to be drawn go.
+    // Removes splats that are too faint to be drawn.
     fit.splats.retain(|splat| lanes::sigmoid(splat[OPACITY]) > FAINT);
     Ok(fit.splats)
 }

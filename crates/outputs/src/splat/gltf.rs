@@ -1,7 +1,7 @@
 //! glTF with the extension `KHR_gaussian_splatting`: points whose attributes are those of splats.
 //!
-//! Programs that do not know it draw points with the colours of band 0. All arrays are float32 but
-//! these colours. Positions and harmonics are turned, so that the node needs no rotation.
+//! Programs that do not know it draw points with the colours of band 0. All arrays except these
+//! colours are float32. Positions and harmonics are rotated, so that the node needs no rotation.
 
 use serde_json::{Value, json};
 
@@ -20,8 +20,8 @@ const F32: u32 = 5126;
 /// Target of buffer views.
 const VERTICES: u32 = 34962;
 
-/// A document without the buffer's place, and the buffer's bytes, of splats in training axes.
-/// `extras` say where they come from.
+/// A document without the buffer's place, and the buffer's bytes, for splats in training axes.
+/// `extras` state their source.
 pub(super) fn document(splats: &[GaussianSplat], extras: &Value) -> (Value, Vec<u8>) {
     let turn = Turn::z_up_to_y_up();
     let turned: Vec<GaussianSplat> = splats.iter().map(|splat| turn.splat(splat)).collect();
@@ -78,7 +78,7 @@ fn harmonic(function: usize) -> String {
     format!("SH_DEGREE_{band}_COEF_{}", function - band * band)
 }
 
-/// Arrays of a primitive as glTF stores them. Each has a view of its own.
+/// Arrays of a primitive as stored in glTF, each with its own view.
 #[derive(Default)]
 struct Arrays {
     count: usize,
@@ -94,7 +94,7 @@ impl Arrays {
         self.put(name, accessor, values.flat_map(f32::to_le_bytes));
     }
 
-    /// Band 0 as linear light, with opacity: what is left where the extension is not known.
+    /// Band 0 as linear light, with opacity, for programs without the extension.
     fn add_colors(&mut self, splats: &[GaussianSplat]) {
         let short = |share: f64| (share * 65535.0 + 0.5) as u16;
         let color = |splat: &GaussianSplat| {

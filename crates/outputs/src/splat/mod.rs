@@ -3,20 +3,20 @@
 //!
 //! Splats are round, and seen by the rules of their renderers ([`raster`]): projected to the
 //! picture as an ellipse, widened by 0.3 square pixels, sorted by depth, composited from front to
-//! back. They are made in five steps:
+//! back. Five steps make them:
 //!
-//! 1. [`place`] puts one at each point of the lattice that lies at a surface or in fog, with the
-//!    field's opacity; of nested boxes each has a lattice of its own, and splats as large as its
-//!    spacing;
+//! 1. [`place`] puts a splat at each lattice point at a surface or in fog, with the field's
+//!    opacity; each nested box has its own lattice, and splats as large as its spacing;
 //! 2. pictures of the field from around the box, from inside a world, or from given cameras, are
 //!    the [`targets`];
-//! 3. splats that show in no picture go, and beyond `--splats N` those that show least;
+//! 3. splats that are visible in no picture are removed, and beyond `--splats N` the least visible
+//!    ones;
 //! 4. the others get the field's colours from all around as harmonics;
 //! 5. [`optimize`] moves each within its cell, and changes size, opacity and colours, by Adam along
 //!    the derivatives of the mean square error.
 //!
-//! Everything is float32 in an order that threads do not change, without library functions that
-//! differ between machines: the same bytes everywhere.
+//! All arithmetic is float32 in an order that does not depend on threads, without library functions
+//! that differ between machines, so the bytes are the same everywhere.
 
 mod axes;
 mod files;

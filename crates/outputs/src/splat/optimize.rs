@@ -1,4 +1,4 @@
-//! Splats that look as the field does, in pictures of it.
+//! Fits splats to pictures of the field.
 
 use super::project::{
     ByProjected, COLOR, Eye, GaussianSplat, OPACITY, PARAMETERS, Rules, SIZE, by_parameters,
@@ -9,7 +9,7 @@ use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 
-/// Steps, a picture each. Twice as many gain 0.6 dB.
+/// Number of steps, one picture each. Twice as many gain 0.6 dB.
 pub(super) const STEPS: usize = 260;
 /// Lengths of the first steps: positions in shares of a cell, logarithms, logits, coefficients of
 /// band 0 and of the others.
@@ -27,15 +27,15 @@ const LENGTHS: GaussianSplat = {
     }
     lengths
 };
-/// The share of these lengths that the last steps have.
+/// Final step lengths, as a share of the first.
 const LAST: f32 = 0.03;
-/// Adam's means (Kingma and Ba 2015). Each picture shows other splats, so that squares are
-/// remembered for few of them.
+/// Decay of Adam's means (Kingma and Ba 2015). Each picture shows different splats, so squares are
+/// averaged over few steps.
 const MEANS: [f32; 2] = [0.9, 0.95];
 const LEAST: f32 = 1e-12;
-/// Splats that a thread changes at once.
+/// Splats per thread and batch.
 const CHUNK: usize = 4096;
-/// Logarithms of sizes less the first ones, at least and at most.
+/// Range of the change of log sizes.
 pub(super) const GROWTH: [f32; 2] = [-2.2, 1.1];
 
 /// A picture of the field.
@@ -46,7 +46,7 @@ pub(super) struct Target {
     pub(super) color: Vec<[f32; 3]>,
 }
 
-/// Splats on the way, with what Adam remembers.
+/// Splats during the fit, with Adam's state.
 #[derive(Debug)]
 pub(super) struct Fit {
     pub(super) splats: Vec<GaussianSplat>,
@@ -56,15 +56,15 @@ pub(super) struct Fit {
 
 #[derive(Debug, Clone)]
 struct State {
-    /// Where the centre was, and the logarithm of the size.
+    /// The initial centre and log size.
     first: [f32; SIZE + 1],
-    /// Edges of a cell, which the centre does not leave.
+    /// Edges of the cell that bounds the centre.
     cell: [f32; 3],
     means: [GaussianSplat; 2],
 }
 
-/// The mean square error of a picture of splats, and its derivatives by the numbers of each splat
-/// that shows. `wanted` has the colours of all pixels, row by row.
+/// The mean square error of a picture of splats, and its derivatives by the numbers of each visible
+/// splat. `wanted` has the colours of all pixels, row by row.
 ///
 /// # Errors
 /// A request to stop.
@@ -109,7 +109,7 @@ fn mean_square_error(picture: &Picture, wanted: &[[f32; 3]]) -> (f64, Vec<[f32; 
 }
 
 impl Fit {
-    /// Of splats and the edges of the cell of each.
+    /// From splats and the edges of each one's cell.
     pub(super) fn new(splats: Vec<(GaussianSplat, [f32; 3])>, background: [f32; 3]) -> Self {
         let means = [[0.0; PARAMETERS]; 2];
         let state = |&(splat, cell): &(GaussianSplat, [f32; 3])| {
@@ -122,7 +122,7 @@ impl Fit {
 
     /// Takes all steps. [`Step::Fit`] advances by one each.
     pub(super) fn run(&mut self, targets: &[Target], progress: &dyn Progress) -> Result<()> {
-        // Neighbours of a circle come far apart.
+        // Neighbours on a circle are far apart in this order.
         let count = targets.len();
         let stride = (2..count).rev().find(|&by| coprime(by, count)).unwrap_or(1);
         for step in 0..STEPS {
@@ -154,7 +154,7 @@ impl Fit {
         let mut parts: Vec<_> = splats.zip(by.chunks(CHUNK)).collect();
         parallel::map_mut(&mut parts, |_, ((splats, states), by)| {
             for ((splat, state), by) in splats.iter_mut().zip(states.iter_mut()).zip(by.iter()) {
-                // A splat that this picture does not show stays as it is.
+                // Splats outside this picture do not change.
                 let Some(by) = by else { continue };
                 let slopes = by_parameters(splat, eye, by);
                 state.change(splat, &slopes, corrections, shrunk);
@@ -166,7 +166,7 @@ impl Fit {
 }
 
 impl State {
-    /// A step of Adam, and the bounds of what it may change.
+    /// A step of Adam, with clamping.
     fn change(
         &mut self,
         splat: &mut GaussianSplat,
@@ -194,8 +194,8 @@ impl State {
     }
 }
 
-/// The numbers of the splats that have more than `least` of a pixel's light in some picture, at most
-/// `most` of them: those that have most.
+/// The numbers of the splats with more than `least` of a pixel's light in any picture, limited to
+/// the `most` most visible ones.
 ///
 /// # Errors
 /// A request to stop.

@@ -1,5 +1,4 @@
-//! Splats at the nodes of a field: where they are first, their colours once it is known which of
-//! them show.
+//! Splats at the nodes of a field: initial positions, then colours of the visible ones.
 
 use super::optimize::GROWTH;
 use super::project::{COLOR, GaussianSplat, OPACITY, PARAMETERS, SIZE};
@@ -15,15 +14,15 @@ use crate::view::Lattice;
 use crate::view::render::Renderer;
 use crate::volume::{lattice, lattice_of};
 
-/// Opacity over the distance of two points from which there is a splat.
+/// Minimum opacity of a splat, over the distance of two points.
 const SHOWS: f32 = 0.01;
-/// A point is hidden where all its neighbours are more opaque than this.
+/// A point is hidden if all its neighbours are more opaque than this.
 const HIDES: f32 = 0.9;
 /// The standard deviation of a splat, in distances of points.
 const SPREAD: f32 = 0.5;
-/// Opacities of splats begin within these.
+/// Range of initial opacities.
 const OPACITIES: [f32; 2] = [0.02, 0.98];
-/// Directions that colours are taken in.
+/// Number of directions for colours.
 const DIRECTIONS: usize = 64;
 /// Splats that a thread colours at once.
 const CHUNK: usize = 512;
@@ -32,9 +31,9 @@ const CHUNK: usize = 512;
 #[derive(Debug)]
 pub(super) struct BoxPoints {
     lattice: Lattice,
-    /// The next smaller box, whose points are its own.
+    /// The next smaller box, which has its own points.
     hole: Option<Bounds>,
-    /// True where places are shares of a box other than the lattice's own.
+    /// True if places are shares of a box other than the lattice's own.
     nested: bool,
 }
 
@@ -48,7 +47,7 @@ impl BoxPoints {
         libm::cbrt(self.lattice.spacing.iter().product::<f64>()) as f32
     }
 
-    /// A point's place in shares of the box of everything; none in the hole.
+    /// A point's place in shares of the outermost box; none in the hole.
     fn share(&self, outer: &Bounds, at: [usize; 3]) -> Option<[f64; 3]> {
         if !self.nested {
             return Some(self.lattice.share(at));
@@ -98,7 +97,7 @@ pub(super) fn sizes(boxes: &[BoxPoints]) -> [f64; 2] {
     [smaller * edges().fold(f64::INFINITY, f64::min), larger * edges().fold(0.0, f64::max)]
 }
 
-/// Splats without colours at all points that show something, and the edges of the cell of each.
+/// Splats without colours at all visible points, and the edges of each one's cell.
 ///
 /// # Errors
 /// More memory than the limits allow, and a request to stop.
@@ -117,7 +116,7 @@ pub(super) fn splats(
         for splat in splats_of(field, points, level, limits, progress)? {
             all.push((splat, cell));
         }
-        // Each with what an optimizer remembers of it.
+        // Each with its optimizer state.
         let bytes = 4 * (all.len() * size_of::<GaussianSplat>()) as u64;
         limits::check(LimitName::Memory, "bytes of splats", bytes, limits.memory, &Place::File)?;
     }
@@ -196,7 +195,7 @@ pub(super) fn color(
 ) -> Result<()> {
     let directions = directions();
     let weights = directions.map(basis);
-    // The functions are orthonormal over the sphere: sums over directions are the fit.
+    // The functions are orthonormal over the sphere, so sums over directions are the fit.
     let share = 4.0 * std::f32::consts::PI / DIRECTIONS as f32;
     let mut chunks: Vec<_> = splats.chunks_mut(CHUNK).collect();
     parallel::map_mut(&mut chunks, |_, splats| {

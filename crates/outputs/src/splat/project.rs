@@ -1,4 +1,4 @@
-//! One splat, and how a camera sees it.
+//! One splat, and its projection by a camera.
 
 use glam::{DMat3, DVec3};
 
@@ -26,16 +26,16 @@ const WIDENED: f32 = 0.3;
 const NEAREST: f64 = 1e-3;
 /// Opacity below which a splat is not drawn at a pixel.
 pub(super) const FAINT: f32 = 1.0 / 255.0;
-/// Directions count up to this many times the picture's half, so that splats far beside it do not
-/// become huge.
+/// Directions are clamped to this many half pictures, so that splats far outside do not become
+/// huge.
 const BESIDE: f64 = 1.3;
 
-/// What renderers of a file do in a way of their own.
+/// Differences between the renderers of file kinds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rules {
     /// Splats are sorted by their distance from the camera instead of their depth.
     pub by_distance: bool,
-    /// Standard deviations from its centre beyond which a splat is cut off.
+    /// Cutoff of a splat in standard deviations.
     pub reach: f32,
 }
 
@@ -46,7 +46,7 @@ impl Rules {
     pub const GLTF: Self = Self { by_distance: true, reach: 3.0 };
 }
 
-/// A camera as splats see it.
+/// A camera for projecting splats.
 #[derive(Debug)]
 pub(super) struct Eye {
     pub(super) lens: Lens,
@@ -72,7 +72,7 @@ pub(super) struct Projected {
     pub(super) middle: [f32; 2],
     /// The inverse of its covariance: xx, xy, yy.
     pub(super) inverse: [f32; 3],
-    /// Pixels from the middle that it reaches.
+    /// Its radius in pixels.
     pub(super) reach: [f32; 2],
     /// `d^T inverse d` up to which it is drawn.
     pub(super) drawn: f32,
@@ -81,7 +81,8 @@ pub(super) struct Projected {
     pub(super) color: [f32; 3],
 }
 
-/// Derivatives of an error by what [`Projected`] holds; the covariance's own, not its inverse's.
+/// Derivatives of an error by the values of [`Projected`], but by the covariance, not by its
+/// inverse.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ByProjected {
     pub(super) middle: [f32; 2],
@@ -103,7 +104,7 @@ impl ByProjected {
     }
 }
 
-/// What both directions share.
+/// Common values of both directions.
 struct Geometry {
     /// The centre: right, down, forwards.
     at: DVec3,
@@ -128,7 +129,7 @@ fn geometry(splat: &GaussianSplat, eye: &Eye) -> Option<Geometry> {
     Some(Geometry { at, direction: (towards / towards.length()).to_array(), shape })
 }
 
-/// A splat as an eye sees it; none behind it or beside the picture.
+/// A splat's projection; none behind the eye or outside the picture.
 #[expect(clippy::cast_possible_truncation, reason = "splats are float32")]
 pub(super) fn project(splat: &GaussianSplat, eye: &Eye) -> Option<Projected> {
     let Geometry { at, direction, shape } = geometry(splat, eye)?;
@@ -169,10 +170,10 @@ pub(super) fn project(splat: &GaussianSplat, eye: &Eye) -> Option<Projected> {
     })
 }
 
-/// Derivatives by a splat's numbers, of those by its projection.
+/// Derivatives by a splat's numbers, from those by its projection.
 ///
-/// The turn of the view's direction with the centre, and the change of the ellipse with the depth,
-/// are left out: both are small against the shift of the middle.
+/// The change of the view direction with the centre and of the ellipse with the depth are ignored:
+/// both are small compared with the shift of the middle.
 #[expect(clippy::cast_possible_truncation, reason = "splats are float32")]
 pub(super) fn by_parameters(splat: &GaussianSplat, eye: &Eye, by: &ByProjected) -> GaussianSplat {
     let mut out = [0.0; PARAMETERS];

@@ -1,9 +1,9 @@
 //! Pictures of splats, by the rules of 3D Gaussian Splatting (Kerbl et al. 2023), and derivatives
 //! of a picture's error.
 //!
-//! `alpha = min(0.99, opacity * exp(-d^T inverse d / 2))` at a pixel's middle; below 1/255 nothing is
-//! drawn, and a ray ends where less than 1/10000 would pass. Splats are sorted by the depth of their
-//! centres, for the whole picture.
+//! `alpha = min(0.99, opacity * exp(-d^T inverse d / 2))` at a pixel's middle; values below 1/255
+//! are not drawn, and a ray ends when its transmittance would fall below 1/10000. Splats are sorted
+//! by the depth of their centres, for the whole picture.
 
 use super::project::{ByProjected, Eye, GaussianSplat, Projected, Rules, project};
 use super::tile::{self, PixelRow, Place, TILE};
@@ -11,22 +11,22 @@ use crate::base::error::Result;
 use crate::base::parallel;
 use crate::model::camera::Camera;
 
-/// Splats that a thread projects at once.
+/// Splats per thread and batch.
 const CHUNK: usize = 4096;
 
 /// A picture: colours over the background, row by row.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// Colours, not limited above.
+    /// Colours, without an upper limit.
     pub color: Vec<[f32; 3]>,
 }
 
-/// What a picture was made of.
+/// The inputs of a picture.
 #[derive(Debug)]
 pub(super) struct Drawn {
     pub(super) eye: Eye,
     projected: Vec<Option<Projected>>,
-    /// Of each tile, row by row: the splats from front to back.
+    /// For each tile, row by row: the splats from front to back.
     lists: Vec<Vec<u32>>,
     /// Of each tile.
     rows: Vec<Vec<PixelRow>>,
@@ -45,7 +45,7 @@ pub fn rasterize(
     Ok(draw(splats, camera, rules)?.picture(background))
 }
 
-/// Draws a picture, and keeps what derivatives need.
+/// Draws a picture, and keeps the data for derivatives.
 pub(super) fn draw(splats: &[GaussianSplat], camera: &Camera, rules: Rules) -> Result<Drawn> {
     let eye = Eye::of(camera, rules);
     let chunks: Vec<&[GaussianSplat]> = splats.chunks(CHUNK).collect();
@@ -108,8 +108,8 @@ impl Drawn {
         Picture { color }
     }
 
-    /// Derivatives of an error by each splat's projection, of those by the picture's colours.
-    /// Splats that do not show have none.
+    /// Derivatives of an error by each splat's projection, from those by the picture's colours.
+    /// Invisible splats have none.
     pub(super) fn by_projected(
         &self,
         by_picture: &[[f32; 3]],
@@ -128,7 +128,7 @@ impl Drawn {
             let (list, rows) = (&self.lists[number], &self.rows[number]);
             Ok(tile::derivatives(&self.projected, list, place, rows, &by_pixels, background))
         })?;
-        // In the order of tiles, whatever thread was first.
+        // In the order of tiles, independent of threads.
         let mut sums: Vec<Option<ByProjected>> = vec![None; self.projected.len()];
         for (list, of_tile) in self.lists.iter().zip(of_tiles) {
             for (splat, by) in list.iter().zip(of_tile) {

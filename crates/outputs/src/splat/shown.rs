@@ -1,4 +1,4 @@
-//! Written splats, seen by the rules of their renderers.
+//! Written splats, rendered by the rules of their programs.
 
 use super::project::{GaussianSplat, Rules};
 use super::raster::rasterize;

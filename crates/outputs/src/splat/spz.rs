@@ -9,7 +9,7 @@
 //! | rotations | the number of the largest part of the quaternion, and 10 bits of each other one |
 //! | harmonics | 128 times a coefficient, plus 128: function by function, each red, green, blue |
 //!
-//! Axes are right, up, back. Version 4 compresses with zstd, which older readers do not know.
+//! Axes are right, up, back. Version 4 compresses with zstd, which older readers do not support.
 
 use super::axes::Turn;
 use super::project::{COLOR, GaussianSplat, OPACITY, PARAMETERS, SIZE};
@@ -30,12 +30,12 @@ const BYTES: usize = PARTS[0] + PARTS[1] + PARTS[2] + PARTS[3] + PARTS[4] + PART
 const UPRIGHT: [u8; 4] = [0, 0, 0, 3 << 6];
 /// Bits of a coordinate before the point and after it, its sign not counted.
 const BITS: i32 = 23;
-/// Bits after the point that readers expect, and at most.
+/// Usual and maximum bits after the point.
 const USUAL_BITS: i32 = 12;
 const MOST_BITS: i32 = 20;
-/// Steps of a position in the standard deviation of the smallest splat.
+/// Position steps per standard deviation of the smallest splat.
 const STEPS: f64 = 32.0;
-/// Logarithms of sizes that a byte holds.
+/// Range of log sizes in a byte.
 const SIZES: [f64; 2] = [-10.0, -10.0 + 255.0 / 16.0];
 const COLOR_SCALE: f32 = 0.15;
 
@@ -45,8 +45,8 @@ const GZIP_END: usize = 8;
 /// Effort of deflate.
 const EFFORT: u8 = 6;
 
-/// Bits after the point of positions up to `farthest` from the origin along an axis, of splats of
-/// standard deviations from `smallest`.
+/// Bits after the point of positions up to `farthest` from the origin along an axis, for splats
+/// with standard deviations of at least `smallest`.
 ///
 /// # Errors
 /// `Unsupported` for splats that the format cannot place.
@@ -65,7 +65,7 @@ pub(super) fn bits(farthest: f64, smallest: f64) -> Result<i32> {
     Err(Error::unsupported(Place::File, found, expected))
 }
 
-/// Refuses sizes that a byte does not hold.
+/// Refuses sizes outside the range of a byte.
 ///
 /// # Errors
 /// `Unsupported`.

@@ -10,21 +10,21 @@ use crate::model::camera::{Camera, Lens, Orbit, direction, sphere};
 use crate::view::render::{FrameOptions, LevelChoice, render};
 use crate::view::{INSIDE_ANGLE, overview, standpoints};
 
-/// Targets, and pixels along a side of each. Splats that were fitted to smaller pictures have gaps in
-/// larger ones, because renderers widen them by a part of a pixel.
+/// Number of targets, and pixels along a side of each. Splats that were fitted to smaller pictures
+/// show gaps in larger ones, because renderers widen them by a part of a pixel.
 const TARGETS: usize = 40;
 const SIDE: usize = 320;
-/// Larger pictures of given cameras are made smaller.
+/// Larger pictures of given cameras are downsampled.
 const LARGEST_SIDE: usize = 400;
 /// Given cameras that become targets, at most.
 const MOST_CAMERAS: usize = 60;
-/// Places that a world is seen from.
+/// Number of viewpoints in a world.
 const STANDPOINTS: usize = 4;
 
 /// The pictures: those of given cameras, or of cameras all around; in a world, of cameras inside.
 ///
 /// # Errors
-/// Those of rendering, and a request to stop.
+/// Errors of rendering, and a request to stop.
 pub(super) fn targets(
     source: &ExportSource,
     options: &ExportOptions,
@@ -50,7 +50,7 @@ pub(super) fn targets(
     pictures.collect()
 }
 
-/// Every so many of the given cameras, with smaller pictures.
+/// Evenly spaced given cameras, with smaller pictures.
 fn given(cameras: &[Camera]) -> Vec<Camera> {
     let every = cameras.len().div_ceil(MOST_CAMERAS);
     let smaller = |camera: &Camera| {
@@ -63,7 +63,7 @@ fn given(cameras: &[Camera]) -> Vec<Camera> {
     cameras.iter().step_by(every).map(smaller).collect()
 }
 
-/// Cameras all around what is visible, evenly spread, as far away as the overview's.
+/// Cameras evenly spread around the visible scene, at the overview's distance.
 fn around(source: &ExportSource, progress: &dyn Progress) -> Result<Vec<Camera>> {
     let bounds = &source.field.view().bounds;
     let orbit = Orbit::default();
@@ -71,7 +71,7 @@ fn around(source: &ExportSource, progress: &dyn Progress) -> Result<Vec<Camera>>
     let eye = near.to_world.w_axis.truncate();
     let (middle, radius) = sphere(bounds);
     let forwards = -near.to_world.z_axis.truncate();
-    // The overview looks at what is visible: the point of its axis nearest to the box's middle.
+    // The target of the overview: the point of its axis nearest to the box's middle.
     let distance = (middle - eye).dot(forwards).max(0.1 * radius);
     let middle = eye + distance * forwards;
     let lens = Lens::centered([SIDE; 2], 0.5 * orbit.field_of_view);
@@ -79,7 +79,7 @@ fn around(source: &ExportSource, progress: &dyn Progress) -> Result<Vec<Camera>>
     let cameras = (0..TARGETS).map(|number| {
         let up = 1.0 - (2 * number + 1) as f64 / TARGETS as f64;
         let back = direction(turn * number as f64, libm::asin(up));
-        // Every other one is nearer, for detail.
+        // Every other camera is closer, for detail.
         let distance = if number % 2 == 0 { distance } else { 0.75 * distance };
         Camera::looking_at(middle, back, distance, format!("around_{number:02}"), lens)
     });

@@ -1,5 +1,5 @@
-//! Tiles of a picture. A row of a tile's pixels is one vector: every loop over its pixels has a
-//! fixed count and no branch.
+//! Tiles of a picture. A row of a tile's pixels is one vector: loops over its pixels have a fixed
+//! count and no branch.
 
 use multiversion::multiversion;
 
@@ -10,20 +10,20 @@ use crate::model::activate::lanes;
 pub(super) const TILE: usize = 16;
 /// Opacities are at most this.
 const LARGEST: f32 = 0.99;
-/// A ray ends where less than this would pass.
+/// A ray ends when its transmittance would fall below this.
 const OPAQUE: f32 = 1e-4;
-/// Splats between two looks for rows whose rays have all ended.
+/// Number of splats between checks for rows whose rays have all ended.
 const LOOK: usize = 16;
 
 /// A number of each pixel of a row.
 type Lanes = [f32; TILE];
 
-/// A row of pixels: what splats add to them.
+/// A row of pixels: the accumulated splats.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PixelRow {
     /// Without the background.
     pub(super) color: [Lanes; 3],
-    /// What passes all splats.
+    /// The final transmittance.
     pub(super) passes: Lanes,
     /// Splats of the tile's list up to the last one that was drawn.
     ends: [u32; TILE],
@@ -51,7 +51,7 @@ impl Place {
         (low.floor().max(0.0) as usize).min(end)..end
     }
 
-    /// Offsets of a row's pixels from a splat's middle; none where the splat misses the row.
+    /// Offsets of a row's pixels from a splat's middle; none if the splat misses the row.
     #[inline(always)]
     fn offsets(&self, splat: &Projected, row: usize) -> Option<(Lanes, f32)> {
         let dy = (self.first[1] + row) as f32 + 0.5 - splat.middle[1];
@@ -76,7 +76,7 @@ fn square(splat: &Projected, dx: f32, dy: f32) -> f32 {
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub(super) fn draw(projected: &[Option<Projected>], list: &[u32], place: Place) -> Vec<PixelRow> {
     let mut rows = vec![NOTHING; place.sides[1]];
-    // 1 where a ray goes on.
+    // 1 where a ray continues.
     let mut open = vec![[0.0f32; TILE]; place.sides[1]];
     open.iter_mut().for_each(|open| open[..place.sides[0]].fill(1.0));
     let mut is_open = [true; TILE];
@@ -146,7 +146,7 @@ pub(super) fn weights(
     out
 }
 
-/// Splats of a list up to the last one that any pixel shows.
+/// Splats of a list up to the last visible one.
 fn last(rows: &[PixelRow]) -> usize {
     rows.iter().flat_map(|row| row.ends).max().unwrap_or(0) as usize
 }
@@ -157,12 +157,12 @@ struct Sums {
     opacity: Lanes,
     middle: [Lanes; 2],
     covariance: [Lanes; 3],
-    /// Above 0 where anything shows.
+    /// Above 0 if any pixel is visible.
     shows: Lanes,
 }
 
 impl Sums {
-    /// The sums over all columns, from left to right; none where nothing shows.
+    /// The sums over all columns, from left to right; none if nothing is visible.
     fn total(&self) -> Option<ByProjected> {
         let sum = |lanes: &Lanes| lanes.iter().sum::<f32>();
         (sum(&self.shows) > 0.0).then(|| ByProjected {
@@ -187,7 +187,7 @@ pub(super) fn derivatives(
 ) -> Vec<Option<ByProjected>> {
     let mut passes = [[1.0; TILE]; TILE];
     passes.iter_mut().zip(rows).for_each(|(passes, row)| *passes = row.passes);
-    // What comes from behind the splat at hand.
+    // The light from behind the current splat.
     let mut behind = [background.map(|channel| [channel; TILE]); TILE];
     let mut out = vec![None; list.len()];
     for (number, splat) in list.iter().enumerate().take(last(rows)).rev() {
@@ -220,7 +220,7 @@ pub(super) fn derivatives(
                     behind[channel][x] += alpha * gain;
                 }
                 passes[x] = before;
-                // At the limit of opacity nothing changes it.
+                // Clamped opacity has no derivative.
                 let by_alpha = if shows && opacity < LARGEST { by_alpha } else { 0.0 };
                 let by_exponent = by_alpha * alpha;
                 let by = [xx * dx[x] + xy * dy, xy * dx[x] + yy * dy];

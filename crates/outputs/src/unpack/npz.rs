@@ -1,4 +1,4 @@
-//! A NumPy archive as a place that tensors are appended to, one after the other.
+//! A NumPy archive to which tensors are appended in order.
 //!
 //! Members are stored, not compressed, so that readers can read parts of them. The texts of
 //! safetensors' `__metadata__` are members too: `__metadata__.NAME`, a NumPy text without axes.
@@ -14,7 +14,7 @@ use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 use mipvog::unpacked::Row;
 
-/// Bytes of a member from which its directory entry needs 64-bit sizes.
+/// Length of a member from which its directory entry needs 64-bit sizes.
 const LARGE: u64 = u32::MAX as u64;
 
 /// An archive that is being written.

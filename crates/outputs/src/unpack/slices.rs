@@ -21,12 +21,12 @@ pub enum SliceFormat {
     Png,
 }
 
-/// Writes `level{k}.x{i}.exr`, or `level{k}.opacity.x{i}.png` and `level{k}.diffuse.x{i}.png`,
-/// into `folder`. No `levels` stand for all; 0 is the finest.
+/// Writes `level{k}.x{i}.exr`, or `level{k}.opacity.x{i}.png` and `level{k}.diffuse.x{i}.png`, into
+/// `folder`. Empty `levels` means all; 0 is the finest.
 ///
 /// # Errors
-/// Levels that the container lacks; damaged containers; existing files, unless `overwrite`. Files and
-/// folders that were made before an error go again.
+/// Missing levels; damaged containers; existing files, unless `overwrite`. After an error, new
+/// files and folders are removed.
 pub fn write_slices(
     container: &Container,
     levels: &[usize],

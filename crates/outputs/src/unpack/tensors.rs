@@ -21,7 +21,7 @@ pub enum TensorFormat {
 ///
 /// # Errors
 ///
-/// `InvalidOption` for levels that are not there; damage; writing.
+/// `InvalidOption` for missing levels; damage; errors of writing.
 pub fn write_tensors(
     container: &Container,
     levels: &[usize],

@@ -12,13 +12,13 @@ use crate::volume::SparseVolume;
 
 /// `" BDV"` as a number of 64 bits.
 const MAGIC: u64 = 0x5644_4220;
-/// Version of the file, and of the library that wrote such files first.
+/// Version of the file, and of the first library version that wrote it.
 const VERSIONS: [u32; 3] = [224, 10, 0];
 /// Offset of the uuid.
 const UUID: u64 = 8 + 12 + 1;
-/// Streams of zlib, and active values alone.
+/// zlib streams of active values only.
 const COMPRESSION: u32 = 1 | 2;
-/// Leaves whose values are made at once.
+/// Leaves whose values are computed at once.
 const AT_ONCE: usize = 256;
 
 /// A grid to be written.
@@ -33,10 +33,10 @@ pub struct GridPlan<'a> {
     pub metadata: Vec<(&'static str, MetaValue)>,
 }
 
-/// Writes a file. The uuid follows from the bytes.
+/// Writes a file. The uuid is derived from the bytes.
 ///
 /// # Errors
-/// Those of writing, and a request to stop.
+/// Errors of writing, and a request to stop.
 pub fn write_file(
     output: &mut Output,
     volume: &SparseVolume,
@@ -63,7 +63,7 @@ pub fn write_file(
     Ok(counts)
 }
 
-/// The name of some content, of version 8: by a rule of the writer's own.
+/// The uuid of content, of version 8, which allows the writer's own rule.
 fn uuid(digest: &[u8; 32]) -> String {
     let mut bytes = [0; 16];
     bytes.copy_from_slice(&digest[..16]);
@@ -128,7 +128,7 @@ fn write_grid(
     Ok(ordered.count())
 }
 
-/// Rows of the world's steps along the axes of voxels, then the world's place of voxel 0.
+/// The world's steps along the axes of voxels as rows, then the position of voxel 0.
 fn map(volume: &SparseVolume, up: UpAxis) -> [[f64; 4]; 4] {
     let [sx, sy, sz] = volume.lattice.spacing;
     let [x, y, z] = volume.lattice.first;

@@ -17,7 +17,7 @@ use crate::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown, 
 use crate::view::render::Renderer;
 use crate::volume::{Leaf, POINTS, SparseVolume, VolumeModel, lattice, lost, volume};
 
-/// Edges of a cube differ by this share at most: OpenVDB compares float64 numbers.
+/// Maximum relative difference of a cube's edges, as in OpenVDB's float64 comparison.
 const ROUNDING: f64 = 1e-9;
 /// Points for each node along an axis.
 const FACTOR: usize = 2;
@@ -74,7 +74,7 @@ impl ExportFormat for Vdb {
     }
 }
 
-/// Refuses volumes of more points than there may be.
+/// Refuses volumes with too many points.
 ///
 /// # Errors
 /// Options out of range, more points than the limits allow, and voxels too small for readers.
@@ -170,13 +170,13 @@ pub fn write_volume(
     Ok((Exported { lost, details }, volume))
 }
 
-/// True for voxels that are cubes, as far as OpenVDB tells (`hasUniformVoxels`).
+/// True for cubic voxels, by OpenVDB's test (`hasUniformVoxels`).
 fn is_cubic(spacing: [f64; 3]) -> bool {
     let [x, y, z] = spacing;
     (x - y).abs() <= ROUNDING * x && (y - z).abs() <= ROUNDING * x
 }
 
-/// What the file says of its making.
+/// The provenance in the file.
 fn provenance(
     source: &ExportSource,
     options: &ExportOptions,

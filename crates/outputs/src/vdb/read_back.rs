@@ -9,10 +9,10 @@ use crate::volume::{Extinction, POINTS, SIDE, VolumePoints};
 use mipvog_inputs::tensor::{self, Value};
 use mipvog_inputs::vdb::{Tree, VdbGrid, read_grid};
 
-/// The grids of density and colour, turned to a world whose z is up.
+/// The grids of density and colour, rotated to a world with z up.
 ///
 /// # Errors
-/// Those of reading.
+/// Errors of reading.
 pub fn read_points(files: &WrittenFiles, limits: &Limits) -> Result<[VdbGrid; 2]> {
     let file = tensor::open_file(&files.with_extension("vdb")?, limits)?;
     let mut budget = Budget::new(limits);

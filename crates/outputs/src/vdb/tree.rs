@@ -1,7 +1,7 @@
 //! The topology of a tree 5-4-3, and the values of its leaves.
 //!
-//! Nodes have no active tiles, so their values are none. Where values are compressed, none is still
-//! a length of zero in 8 bytes, but for half floats: of these readers expect nothing at all.
+//! Nodes have no active tiles, so they have no values. With compression, this is still written as a
+//! length of zero in 8 bytes, except for half floats, of which readers expect nothing.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ const LEVEL: u8 = 10;
 /// The leaves below each child of a node, by the child's place.
 type Children<'a> = BTreeMap<usize, Vec<&'a (&'a Leaf, LeafMask)>>;
 
-/// What a grid stores of a leaf.
+/// The content of a leaf in a grid.
 pub struct GridContent<'a> {
     /// Numbers of a value: 1 or 3.
     pub width: usize,
@@ -30,7 +30,7 @@ pub struct GridContent<'a> {
     pub half: bool,
     /// The points that are active.
     pub active: &'a (dyn Fn(&Leaf) -> LeafMask + Sync),
-    /// The value of a point; numbers beyond the width do not count.
+    /// The value of a point; numbers beyond the width are ignored.
     pub value: &'a (dyn Fn(&Leaf, usize) -> [f32; 3] + Sync),
 }
 

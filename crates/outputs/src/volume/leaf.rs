@@ -5,7 +5,7 @@ pub const SIDE: usize = 8;
 /// Points of a leaf.
 pub const POINTS: usize = SIDE * SIDE * SIDE;
 
-/// A bit a point; bit `n % 64` of word `n / 64` is point `n`.
+/// One bit per point; bit `n % 64` of word `n / 64` is point `n`.
 pub type LeafMask = [u64; POINTS / 64];
 
 /// The values of a leaf's points, z fastest.
@@ -17,9 +17,9 @@ pub struct Leaf {
     pub occupied: LeafMask,
     /// Optical depth per world unit; 0 in empty points.
     pub density: Vec<f32>,
-    /// Points that have a colour: occupied ones, and their neighbours.
+    /// Points with a colour: occupied ones, and their neighbours.
     pub colored: LeafMask,
-    /// Linear light, red, green, blue; 0 where there is no colour. Empty before colours are found.
+    /// Linear light, red, green, blue; 0 without a colour. Empty until colours are computed.
     pub color: Vec<[f32; 3]>,
     /// Channels of features, one after the other; 0 in empty points.
     pub features: Vec<f32>,
@@ -33,7 +33,7 @@ impl Leaf {
         Self { at, occupied: none, density, colored: none, color, features: Vec::new() }
     }
 
-    /// Bytes of a leaf with so many channels of features, once it has colours.
+    /// Bytes of a leaf with this many feature channels, after colours are computed.
     pub const fn bytes(features: usize) -> usize {
         POINTS * size_of::<f32>() * (4 + features) + size_of::<Self>()
     }

@@ -1,7 +1,8 @@
 //! Mean colours at the nodes of a level, and between them.
 //!
-//! A view network takes a millisecond for all directions of a point. So it is asked at nodes that
-//! are occupied or have an occupied neighbour, and colours between nodes are interpolated.
+//! A view network takes a millisecond for all directions of a point. So it is evaluated only at
+//! nodes that are occupied or have an occupied neighbour, and colours are interpolated between
+//! nodes.
 
 use std::collections::HashMap;
 
@@ -11,12 +12,12 @@ use crate::base::progress::Progress;
 use crate::model::grid::Nodes;
 use crate::view::render::{BEFORE, Directions, Renderer};
 
-/// Nodes along the edge of a block of colours. Densities around a block are found for it alone, so
-/// small blocks find most of them several times.
+/// Nodes along the edge of a block of colours. Densities around a block are computed per block, so
+/// small blocks compute most of them several times.
 const EDGE: usize = 16;
 /// Nodes along the edge of a part of a block and its surroundings that is skipped if it is empty.
 const PART: usize = 4;
-/// Colours of the nodes of a block, with 1 behind them, or 0 for a node that was not asked.
+/// Colours of the nodes of a block, followed by 1, or 0 for nodes without a colour.
 type Block = Vec<[f32; 4]>;
 
 /// Mean colours, display-referred.
@@ -27,8 +28,8 @@ pub struct MeanColors {
 }
 
 impl MeanColors {
-    /// Asks for the colours of a level's nodes. Those whose density and whose neighbours' densities
-    /// are below `least`, in optical depth per world unit, have none.
+    /// Computes the colours of a level's nodes. Nodes with densities below `least` (optical depth
+    /// per world unit) at themselves and all neighbours have none.
     ///
     /// # Errors
     ///
@@ -53,7 +54,7 @@ impl MeanColors {
             let at = [number / counts[2] / counts[1], number / counts[2] % counts[1], number];
             let at = [at[0], at[1], at[2] % counts[2]];
             let first = at.map(|at| at * EDGE);
-            // One node more to each side.
+            // One more node on each side.
             let around = first.map(|first| first.saturating_sub(1));
             let end: [usize; 3] =
                 std::array::from_fn(|axis| (first[axis] + EDGE + 1).min(nodes.0[axis]));
@@ -101,7 +102,7 @@ impl MeanColors {
             let Some(block) = block else { continue };
             let [x, y, z] = node.map(|node| node % EDGE);
             let color = block[(x * EDGE + y) * EDGE + z];
-            // Nodes that were not asked have weight 0.
+            // Nodes without a colour have weight 0.
             for (sum, value) in sum.iter_mut().zip(color) {
                 *sum += weight * value;
             }
@@ -111,7 +112,7 @@ impl MeanColors {
     }
 }
 
-/// The densities of a block's nodes and of those around it: a node's colour asks for a hundred.
+/// The densities of a block's nodes and of those around it; a node's colour needs a hundred.
 struct Nearby {
     nodes: Nodes,
     first: [usize; 3],
@@ -121,7 +122,7 @@ struct Nearby {
 }
 
 impl Nearby {
-    /// Nodes to each side of a block that its colours ask for.
+    /// Nodes on each side of a block that its colours need.
     fn reach(field: &Renderer, Nodes(sizes): Nodes) -> [usize; 3] {
         let view = field.view();
         let (back, extent) =
@@ -167,7 +168,7 @@ impl Nearby {
         Self { nodes, first, sides, densities }
     }
 
-    /// The density of a node; 0 of one that is not here.
+    /// The density of a node; 0 outside the block.
     fn node(&self, node: [i64; 3]) -> f32 {
         let mut place = 0;
         for ((at, first), side) in node.into_iter().zip(self.first).zip(self.sides) {
@@ -178,7 +179,7 @@ impl Nearby {
         self.densities[place]
     }
 
-    /// True if a node or a neighbour of it is at least so dense.
+    /// True if the density of a node or one of its neighbours reaches the threshold.
     fn any_around(&self, node: [usize; 3], least: f32) -> bool {
         (0..27).any(|step| {
             let steps = [step / 9, step / 3 % 3, step % 3];

@@ -1,9 +1,8 @@
-//! Volumes of density and colour at the points of a lattice, as programs for effects and engines
-//! have them.
+//! Volumes of density and colour at lattice points, for effects programs and engines.
 //!
-//! [`SparseVolume`] is what formats write: activated values of a field in leaves of 8 x 8 x 8
-//! points, colours in linear light. [`VolumeModel`] is what was written and read back, seen by the
-//! rules of those programs.
+//! Formats write a [`SparseVolume`]: activated values of a field in leaves of 8 x 8 x 8 points,
+//! colours in linear light. A [`VolumeModel`] is read back, and rendered by the rules of those
+//! programs.
 
 mod leaf;
 mod mean_colors;

@@ -1,8 +1,8 @@
-//! A volume that was written and read back, seen as programs for effects and engines show it.
+//! A volume that was written and read back, rendered by the rules of effects programs and engines.
 //!
-//! Values are interpolated as they are stored: density that is activated already, colour without
-//! regard to density. Rays are composited in linear light, and the sum is turned to sRGB at the
-//! end. The background is linear light too.
+//! Stored values are interpolated: activated density, and colour independent of density. Rays are
+//! composited in linear light, including the background, and the sum is converted to sRGB at the
+//! end.
 
 use std::collections::HashMap;
 
@@ -22,7 +22,7 @@ use crate::model::trained_model::{RayColor, RayRules, TrainedModel};
 const SAMPLES: f64 = 2.0;
 /// Optical depth at which a ray ends.
 const OPAQUE: f64 = 11.6;
-/// Opacities are at most this far below 1.
+/// Opacities are clamped to 1 minus this.
 const CLEAREST: f32 = 1e-6;
 /// Points along the edge of a leaf and its apron on the upper sides.
 const APRON: usize = SIDE + 1;
@@ -38,7 +38,7 @@ pub enum Extinction {
     Opacity(f64),
 }
 
-/// Points that were read back.
+/// Points after reading back.
 #[derive(Debug)]
 pub struct VolumePoints {
     /// World position of point 0, and distance of neighbours.
@@ -47,10 +47,10 @@ pub struct VolumePoints {
     pub spacing: [f64; 3],
     /// Meaning of the first values.
     pub extinction: Extinction,
-    /// Rays are followed between these places along each axis, in distances of points from point 0.
-    /// None: wherever there are leaves.
+    /// Rays are marched between these places along each axis, in steps from point 0. None: wherever
+    /// there are leaves.
     pub faces: Option<[[f64; 2]; 3]>,
-    /// By the number of a leaf: density or opacity, and linear red, green and blue of its points.
+    /// By leaf number: density or opacity, and linear red, green and blue of its points.
     pub leaves: HashMap<[i32; 3], Vec<[f32; 4]>>,
 }
 
@@ -63,7 +63,7 @@ pub struct VolumeModel {
     /// Number of the lowest leaf along each axis, and how many there are.
     lowest: [i32; 3],
     counts: [usize; 3],
-    /// Rays are followed between these places along each axis, in distances of points.
+    /// Rays are marched between these places along each axis, in steps.
     faces: [[f64; 2]; 3],
     /// Leaf of each place, or [`NO_LEAF`].
     table: Vec<u32>,
@@ -164,7 +164,7 @@ impl VolumeModel {
     }
 }
 
-/// Copies a leaf's values and those of its upper neighbours.
+/// Copies the values of a leaf and of its upper neighbours.
 fn fill(points: &VolumePoints, at: [i32; 3], out: &mut [[f32; 4]]) {
     for corner in 0..8usize {
         let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];

@@ -1,4 +1,4 @@
-//! The volume that options ask for.
+//! The volume for the options.
 
 use super::sparse::{SparseVolume, VolumeOptions, level_nodes};
 use crate::base::error::{Error, Result};
@@ -63,7 +63,7 @@ pub fn volume(
     SparseVolume::new(&source.field, lattice, wanted, &options.limits, progress)
 }
 
-/// What no format of volumes holds, of the things that a source has.
+/// Content of a source that no volume format can represent.
 pub fn lost(source: &ExportSource) -> Vec<String> {
     let view = source.field.view();
     let mut lost = Vec::new();

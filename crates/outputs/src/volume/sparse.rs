@@ -1,10 +1,10 @@
 //! A field's level as a sparse volume of activated values.
 //!
 //! 1. Densities at the points of a lattice, leaf by leaf; empty leaves are dropped.
-//! 2. Colours of occupied points: the mean over directions, turned to linear light.
+//! 2. Colours of occupied points: the mean over directions, converted to linear light.
 //! 3. Points beside occupied ones get the colour of their nearest occupied neighbour. Programs
-//!    interpolate colours without regard to density: without these points colours would fade to
-//!    black at every surface.
+//!    interpolate colours independently of density, so colours would fade to black at every surface
+//!    without these points.
 
 use std::collections::HashMap;
 
@@ -19,24 +19,24 @@ use crate::model::grid::Nodes;
 use crate::view::Lattice;
 use crate::view::render::{Directions, Renderer};
 
-/// Points that absorb less than this share of light over the distance of two points are empty:
+/// Points that absorb less than this share of light over the distance of two points count as empty:
 /// a ray through 30 such points loses a hundredth.
 const LEAST_OPACITY: f64 = 3e-4;
 /// Directions that a colour is averaged over.
 const DIRECTIONS: usize = 16;
 
-/// Steps of a mean colour from 0 to 1, display-referred. They are finer than those of the pictures
-/// that fields are trained on, and equal neighbours compress.
+/// Quantization steps of a mean colour from 0 to 1, display-referred. They are finer than those of
+/// training pictures, and equal neighbours compress.
 const MEAN_STEPS: u16 = 511;
 
-/// The values that a volume is made of.
+/// The content of a volume.
 #[derive(Debug, Clone, Copy)]
 pub struct VolumeOptions {
     /// The level, 0 being the finest.
     pub level: usize,
-    /// Features too.
+    /// True to include features.
     pub features: bool,
-    /// Colours of points beyond the lattice too, for programs that interpolate towards them.
+    /// True to include colours beyond the lattice, for programs that interpolate towards them.
     pub beyond: bool,
 }
 
@@ -113,7 +113,7 @@ impl SparseVolume {
         let is_mean = field.is_model() || field.view().view_dependence.is_some();
         let nodes = Nodes(level_nodes(field, level));
         let dense = lattice.counts().iter().zip(nodes.0).all(|(&count, nodes)| count > nodes);
-        // A network a point would take minutes: it is asked at nodes.
+        // Evaluating a network per point would take minutes, so it is evaluated at nodes.
         let means = match field.has_network() && dense {
             true => {
                 let least = least_density(lattice);
@@ -157,8 +157,8 @@ impl SparseVolume {
         .map(|_| ())
     }
 
-    /// Gives points beside occupied ones the colour of their nearest occupied neighbour. Of equally
-    /// near ones it is one along z, whose value is stored beside: such bytes compress.
+    /// Gives points beside occupied ones the colour of their nearest occupied neighbour. Among
+    /// equally near ones, a neighbour along z is preferred, because equal adjacent bytes compress.
     fn color_neighbours(&mut self, beyond: bool, budget: &mut Budget) -> Result<()> {
         let by_place: HashMap<[i32; 3], &Leaf> =
             self.leaves.iter().map(|leaf| (leaf.at, leaf)).collect();
@@ -233,8 +233,8 @@ fn cube_number([x, y, z]: [i32; 3]) -> usize {
     (9 * (x + 1) + 3 * (y + 1) + z + 1) as usize
 }
 
-/// The points of a leaf that are not occupied, but beside an occupied point of it or of the leaves
-/// around it, which are in the order of [`CUBE`]. None if there are none.
+/// The empty points of a leaf that are beside an occupied point of the leaf or of the leaves around
+/// it, which are in the order of [`CUBE`]. None if there are none.
 fn beside_occupied(leaves: &[Option<&Leaf>; 27]) -> Option<LeafMask> {
     const ROWS: usize = SIDE + 2;
     // Bit `z + 1` of a row is the point at `z`: rows have a point of the next leaves at both ends.
@@ -266,7 +266,7 @@ fn spend(budget: &mut Budget, bytes: usize) -> Result<()> {
     budget.spend(bytes as u64, "bytes of a volume", &Place::File)
 }
 
-/// Steps to the 26 neighbours of a point, nearest first, and of equally near ones along z first.
+/// Steps to the 26 neighbours of a point, nearest first, and along z first among equals.
 fn neighbours() -> Vec<[i32; 3]> {
     let step = |number: i32| [number / 9 - 1, number / 3 % 3 - 1, number % 3 - 1];
     let mut steps: Vec<[i32; 3]> = (0..27).filter(|&number| number != 13).map(step).collect();

@@ -1,17 +1,17 @@
-//! Addresses in the place of names of files.
+//! Addresses in place of file names.
 
 #[cfg(feature = "network")]
 use std::path::Path;
 use std::path::PathBuf;
 
-/// The address that a path is, if it is one.
+/// The address, if a path is one.
 #[cfg(feature = "network")]
 pub fn address(path: &Path) -> Option<&str> {
     path.to_str().filter(|text| text.starts_with("https://") || text.starts_with("http://"))
 }
 
-/// An address as messages and reports show it: without a password, and without a query, which may
-/// be one.
+/// An address for messages and reports: without a password, and without the query, which may
+/// contain one.
 pub fn shown(address: &str) -> PathBuf {
     let address = address.split(['?', '#']).next().unwrap_or_default();
     let (scheme, rest) = address.split_once("://").unwrap_or(("", address));

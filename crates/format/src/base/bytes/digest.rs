@@ -15,7 +15,7 @@ pub fn sha256(file: &SourceFile) -> Result<[u8; 32]> {
     Ok(sum.finalize().into())
 }
 
-/// As people and reports write digests.
+/// Digests in text form.
 pub fn hex(digest: &[u8; 32]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -31,7 +31,7 @@ impl Digest {
         digest
     }
 
-    /// Adds bytes; their count goes first, so that parts cannot run into each other.
+    /// Adds bytes, prefixed by their count, so that parts cannot be confused.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.raw(&(bytes.len() as u64).to_le_bytes());
         self.raw(bytes);
@@ -42,7 +42,7 @@ impl Digest {
         self.0.update(bytes);
     }
 
-    /// The digest of all that was added.
+    /// The digest of everything added.
     pub fn finish(self) -> [u8; 32] {
         self.0.finalize().into()
     }
@@ -65,7 +65,7 @@ mod tests {
                 .map(|whole| sha256(&whole.part(range.clone()).expect("inside")).expect("read"));
             assert_eq!(digests[0], digests[1]);
         }
-        // FIPS 180-4's example of no bytes.
+        // FIPS 180-4's example of an empty message.
         let none = sha256(&file.part(9..9).expect("inside")).expect("read");
         assert!(hex(&none).starts_with("e3b0c44298fc1c149afbf4c8996fb924"));
         assert!(file.part(1..3_000_001).is_err() && memory.part(1..3_000_001).is_err());

@@ -1,4 +1,4 @@
-//! One request of a range, tried again where that may help.
+//! A range request, with retries.
 
 use std::io::{Error as IoError, ErrorKind as Kind, Read};
 use std::ops::Range;
@@ -14,11 +14,11 @@ use crate::base::error::{Error, Result};
 
 /// Requests for one range, at most.
 const TRIES: u32 = 4;
-/// Before the second try; each later one waits four times as long.
+/// Delay before the second try; each later one is four times as long.
 const PAUSE: Duration = Duration::from_millis(200);
-/// Time for a connection, and for bytes to come.
+/// Timeouts for a connection and for data.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// A server that knows no ranges sends all of a file. Longer ones are refused.
+/// A server without support for ranges sends whole files. Longer ones are refused.
 const LARGEST_WHOLE: u64 = 256 << 20;
 
 static AGENT: LazyLock<Agent> = LazyLock::new(|| {
@@ -33,7 +33,7 @@ static AGENT: LazyLock<Agent> = LazyLock::new(|| {
     config.build().into()
 });
 
-/// Bytes of a file, and what the server says of it.
+/// Bytes of a file, and the server's facts about it.
 pub struct Answer {
     /// The offset of the first byte.
     pub start: u64,
@@ -44,19 +44,19 @@ pub struct Answer {
     pub version: Option<String>,
 }
 
-/// A failed request, by what may help.
+/// A failed request, by remedy.
 enum Failure {
     /// Another try may help.
     Passing(IoError),
     Final(IoError),
 }
 
-/// Asks for bytes of a file, as many of them as there are. A server may answer with fewer than it
-/// was asked for (RFC 9110, section 15.3.7): then the others are asked for too.
+/// Requests bytes of a file, up to its end. A server may answer with fewer bytes than requested
+/// (RFC 9110, section 15.3.7); then the rest is requested too.
 ///
 /// # Errors
-/// `Io` where the server does not answer with them, even when asked again; `Usage` for an address
-/// that is not encrypted.
+/// `Io` if the server does not return them after retries; `Usage` for an address that is not
+/// encrypted.
 pub fn fetch(address: &str, range: Range<u64>) -> Result<Answer> {
     let mut answer = answered(address, &range)?;
     let end = range.end.min(answer.length);
@@ -71,7 +71,7 @@ pub fn fetch(address: &str, range: Range<u64>) -> Result<Answer> {
             && rest.version == answer.version
             && !rest.bytes.is_empty();
         if !goes_on {
-            // The caller misses bytes, and knows that the file has changed.
+            // The caller notices the missing bytes, and reports that the file has changed.
             break;
         }
         answer.bytes.extend(rest.bytes);
@@ -114,7 +114,7 @@ fn once(address: &str, range: &Range<u64>) -> std::result::Result<Answer, Failur
     // Without compression: ranges are those of the file.
     let request = AGENT.get(address).header("Range", &asked).header("Accept-Encoding", "identity");
     let mut response = request.call().map_err(|error| match error {
-        // A certificate that nobody trusts stays so.
+        // Untrusted certificates are not retried.
         ureq::Error::Io(error) if error.kind() == Kind::InvalidData => Failure::Final(error),
         ureq::Error::Io(_) | ureq::Error::Timeout(_) | ureq::Error::ConnectionFailed => {
             Failure::Passing(error.into_io())
@@ -131,7 +131,7 @@ fn once(address: &str, range: &Range<u64>) -> std::result::Result<Answer, Failur
             (part.start, Some(length), whole.min(part.end - part.start))
         }
         StatusCode::OK => (0, content_length(response.headers()), LARGEST_WHOLE),
-        // No byte of an empty file can be asked for.
+        // An empty file has no valid range.
         StatusCode::RANGE_NOT_SATISFIABLE if range.start == 0 => {
             let version = version(response.headers());
             return Ok(Answer { start: 0, bytes: Vec::new(), length: 0, version });

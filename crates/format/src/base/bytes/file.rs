@@ -15,8 +15,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, LimitName};
 use crate::base::lock::lock;
 
-/// A file open for positioned reads from any thread, or a part of one that is a file of its own
-/// format. Counts the bytes that were read.
+/// A file open for positioned reads from any thread, or an embedded part in its own format. Counts
+/// the bytes that were read.
 #[derive(Debug)]
 pub struct SourceFile {
     bytes: Bytes,
@@ -29,7 +29,7 @@ pub struct SourceFile {
 enum Bytes {
     /// From byte `start` of a file.
     File { file: Arc<OpenFile>, start: u64 },
-    /// From byte `start` of memory, or of what another program holds.
+    /// From byte `start` of memory, or of an embedding program's source.
     Held { bytes: Arc<dyn ReadAt>, start: u64 },
     /// From byte `start` of a file at an address.
     #[cfg(feature = "network")]
@@ -44,15 +44,15 @@ struct OpenFile {
 }
 
 impl SourceFile {
-    /// Lets outputs replace the file while it is open. Outputs appear by their name alone, so this
-    /// goes on to read what it has opened.
+    /// Lets outputs replace the file while it is open. Outputs are renamed into place, so the open
+    /// file stays readable.
     pub fn unguard(&self) {
         if let Bytes::File { file, .. } = &self.bytes {
             drop(lock(&file.guard).take());
         }
     }
 
-    /// Opens a regular file, or one at an address where that is allowed.
+    /// Opens a regular file, or one at an address if that is allowed.
     pub fn open(path: &Path) -> Result<Self> {
         #[cfg(feature = "network")]
         if let Some(address) = super::address::address(path) {
@@ -62,7 +62,7 @@ impl SourceFile {
             return Ok(Self::new(bytes, &super::address::shown(address), length));
         }
         let io = |error| Error::io(error, path);
-        // This test comes before opening: the opening of a pipe waits for a writer.
+        // Tested before opening, because opening a pipe waits for a writer.
         let found = std::fs::metadata(path).map_err(io)?;
         if found.is_dir() {
             return Err(io(std::io::ErrorKind::IsADirectory.into()));
@@ -80,7 +80,7 @@ impl SourceFile {
         Ok(Self::new(Bytes::File { file, start: 0 }, path, length))
     }
 
-    /// A nameless file of bytes that were decoded from the file `path`.
+    /// An unnamed file of bytes that were decoded from the file `path`.
     pub fn nameless(file: File, path: &Path, length: u64) -> Self {
         let file = Arc::new(OpenFile { file, guard: Mutex::new(None) });
         Self::new(Bytes::File { file, start: 0 }, path, length)
@@ -96,13 +96,13 @@ impl SourceFile {
     ///
     /// # Errors
     ///
-    /// `Io` where their length cannot be told.
+    /// `Io` if their length is unknown.
     pub fn held(bytes: Arc<dyn ReadAt>, path: &Path) -> Result<Self> {
         let length = bytes.length().map_err(|error| Error::io(error, path))?;
         Ok(Self::new(Bytes::Held { bytes, start: 0 }, path, length))
     }
 
-    /// A part of the file as a file of its own, whose offsets count from the part's start.
+    /// A part of the file as a separate file, with offsets from the part's start.
     pub fn part(&self, range: Range<u64>) -> Result<Self> {
         let wanted = range.end.saturating_sub(range.start);
         if range.end > self.length {
@@ -129,7 +129,7 @@ impl SourceFile {
         Self { bytes, path: path.to_owned(), length, bytes_read: AtomicU64::new(0) }
     }
 
-    /// Its name, as it was opened.
+    /// Its name when opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -182,7 +182,7 @@ impl SourceFile {
         Ok(())
     }
 
-    /// Calls `take` with all bytes in order, in pieces.
+    /// Calls `take` with all bytes in order, piece by piece.
     pub fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         const PIECE: u64 = 1 << 20;
         let mut piece = vec![0; PIECE.min(self.length) as usize];
@@ -202,7 +202,8 @@ impl SourceFile {
         self.read_bounded(offset, count, (LimitName::HeaderBytes, "header bytes"), allowed)
     }
 
-    /// Reads `count` bytes of `what`, as an error names it, which may be at most `allowed` by a limit.
+    /// Reads `count` bytes of `what`, as an error names it, which may be at most `allowed` by a
+    /// limit.
     pub fn read_bounded(
         &self,
         offset: u64,

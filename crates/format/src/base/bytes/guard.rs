@@ -1,4 +1,4 @@
-//! Files that are being read. No output replaces one of them, by whatever name it is called.
+//! Files that are being read. No output may replace one of them, under any name.
 
 use crate::base::lock::lock;
 use std::path::Path;
@@ -15,7 +15,7 @@ static GUARDED: Mutex<Vec<Weak<Handle>>> = Mutex::new(Vec::new());
 pub struct Guard(#[expect(dead_code, reason = "it is held, not read")] Arc<Handle>);
 
 impl Guard {
-    /// Guards the file at a path. `None` if it cannot be opened: then nothing reads it either.
+    /// Guards the file at a path. `None` if it cannot be opened, so that nothing reads it either.
     pub fn of(path: &Path) -> Option<Self> {
         let handle = Arc::new(handle(path)?);
         let mut guarded = lock(&GUARDED);
@@ -25,14 +25,14 @@ impl Guard {
     }
 }
 
-/// True if the path names a guarded file, through links and other spellings too.
+/// True if the path names a guarded file, also via links or another spelling.
 pub fn is_guarded(path: &Path) -> bool {
     let Some(handle) = handle(path) else { return false };
     let guarded = lock(&GUARDED);
     guarded.iter().filter_map(Weak::upgrade).any(|file| *file == handle)
 }
 
-/// A regular file's identity. Pipes and devices are not opened: that may wait for ever.
+/// A regular file's identity. Pipes and devices are not opened, because that may block forever.
 fn handle(path: &Path) -> Option<Handle> {
     path.metadata().ok().filter(std::fs::Metadata::is_file)?;
     Handle::from_path(path).ok()

@@ -1,4 +1,4 @@
-//! A folder of links to files that have no names of their own yet.
+//! A folder of links to unnamed files.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -9,11 +9,11 @@ use super::stale;
 use super::unfinished::{Unfinished, made_and_noted};
 use crate::base::error::{Error, Result};
 
-/// A folder of links under names that others look for. It goes when it is dropped, and with a
-/// program that is ended from outside.
+/// A folder of links under the expected names. It is removed on drop, and when the program is ended
+/// from outside.
 #[derive(Debug)]
 pub struct LinkedFolder {
-    // Dropped in this order: the folder's names are noted until it is gone.
+    // Dropped in this order: names stay registered until the folder is removed.
     folder: TempDir,
     unfinished: Vec<Unfinished>,
 }
@@ -23,7 +23,7 @@ impl LinkedFolder {
     ///
     /// # Errors
     ///
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn new(beside: &Path) -> Result<Self> {
         let made = made_and_noted(|| {
             let folder = tempfile::Builder::new().prefix(stale::PREFIX).tempdir_in(beside)?;
@@ -33,11 +33,11 @@ impl LinkedFolder {
         made.map_err(|error| Error::io(error, beside))
     }
 
-    /// Adds a file that is at `place`, under a name.
+    /// Adds the file at `place` under a name.
     ///
     /// # Errors
     ///
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn add(&mut self, place: &Path, name: &OsStr) -> Result<()> {
         let link = self.path().join(name);
         self.unfinished.push(Unfinished::note(&link));

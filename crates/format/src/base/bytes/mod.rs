@@ -1,5 +1,5 @@
-//! Bytes in and out: slices with absolute offsets, positioned reads from files, outputs that
-//! appear whole or not at all.
+//! Input and output of bytes: slices with absolute offsets, positioned reads from files, atomic
+//! outputs.
 
 mod address;
 mod digest;

@@ -1,4 +1,4 @@
-//! Outputs that appear whole under their name, or not at all.
+//! Atomic outputs, which appear complete under their name or not at all.
 
 use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
@@ -17,7 +17,7 @@ pub struct Output {
     path: PathBuf,
     destination: Destination,
     length: u64,
-    /// Until it has its name.
+    /// Removes it unless renamed.
     _unfinished: Unfinished,
     /// Dropped after the temporary file in them.
     _folders: NewFolders,
@@ -34,12 +34,12 @@ enum Destination {
     Stdout,
 }
 
-/// Folders that were made for an output. Those that stay empty go with it.
+/// Folders that were made for an output, removed with it if empty.
 #[derive(Debug, Default)]
 struct NewFolders(Vec<Unfinished>);
 
 impl NewFolders {
-    /// Makes a folder and those above it that are missing.
+    /// Makes a folder and its missing parents.
     fn make(folder: &Path) -> Result<Self> {
         let mut made = Self::default();
         make_folders(folder, &mut made.0)?;
@@ -47,12 +47,12 @@ impl NewFolders {
     }
 }
 
-/// Makes a folder and those above it that are missing, and notes them in `made`, outermost first.
+/// Makes a folder and its missing parents, and adds them to `made`, outermost first.
 pub(super) fn make_folders(folder: &Path, made: &mut Vec<Unfinished>) -> Result<()> {
-    // A slash at the end would hide a file in the folder's place.
+    // A trailing slash would hide a file in the folder's place.
     let folder = folder.components().as_path();
     let is_here = |path: &Path| path.as_os_str().is_empty();
-    // A link that leads nowhere is there.
+    // A dangling link counts as existing.
     let missing = |path: &&Path| !is_here(path) && path.symlink_metadata().is_err();
     let missing: Vec<&Path> = folder.ancestors().take_while(missing).collect();
     let there = folder.ancestors().nth(missing.len());
@@ -60,12 +60,12 @@ pub(super) fn make_folders(folder: &Path, made: &mut Vec<Unfinished>) -> Result<
         let message = "a file is in a folder's place";
         return Err(Error::io(std::io::Error::other(message), file));
     }
-    // Noted first: making the last of them may fail.
+    // Registered first, because making the last of them may fail.
     made.extend(missing.into_iter().rev().map(Unfinished::note));
     made_and_noted(|| std::fs::create_dir_all(folder)).map_err(|error| Error::io(error, folder))
 }
 
-/// Refuses folders, devices, pipes, and links to them: none is to be replaced. Other links are
+/// Refuses folders, devices, pipes, and links to them, which must not be replaced. Other links are
 /// replaced, not followed.
 fn refuse_unreplaceable(path: &Path) -> std::io::Result<()> {
     let Ok(found) = path.metadata() else { return Ok(()) };
@@ -86,8 +86,8 @@ impl Drop for NewFolders {
 }
 
 impl Output {
-    /// Starts writing `path`; missing folders are made. An existing file there is refused unless
-    /// `overwrite`, and one that this process is reading is refused in any case.
+    /// Starts writing `path`; missing folders are made. An existing file is refused unless
+    /// `overwrite`, and a file that this process is reading is always refused.
     ///
     /// # Errors
     ///
@@ -109,8 +109,8 @@ impl Output {
         Self::in_folder(folder, path, destination, folders)
     }
 
-    /// Starts writing to the standard output. It gets the bytes when they are whole, so that bytes
-    /// before the end can be written over until then.
+    /// Starts writing to the standard output. It gets the bytes only when they are complete, so
+    /// that earlier bytes can be overwritten until then.
     ///
     /// # Errors
     ///
@@ -128,11 +128,11 @@ impl Output {
         destination: Destination,
         folders: NewFolders,
     ) -> Result<Self> {
-        // Without the temporary file's own name, which would tell users nothing.
+        // Without the temporary file's own name, which means nothing to users.
         let io = |error: std::io::Error| Error::io(error.kind().into(), path);
         let mut builder = tempfile::Builder::new();
         builder.prefix(stale::PREFIX).suffix(stale::SUFFIX);
-        // The mode that a plain `File::create` would ask for; the umask still applies.
+        // The mode of a plain `File::create`; the umask still applies.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let make = || {
@@ -141,7 +141,7 @@ impl Output {
             Ok((temporary, unfinished))
         };
         let (mut temporary, mut unfinished) = made_and_noted(make)?;
-        // Between its creation and its lock another run may have taken it for stale.
+        // Between its creation and its lock, another run may have removed it as stale.
         while !stale::claim(&temporary) {
             (temporary, unfinished) = made_and_noted(make)?;
         }
@@ -157,7 +157,7 @@ impl Output {
         })
     }
 
-    /// Overwrites bytes near the start that could not be known before.
+    /// Overwrites bytes near the start that were unknown before.
     pub fn patch(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         let mut file = self.file();
         let patched = file
@@ -172,19 +172,18 @@ impl Output {
         self.temporary.path()
     }
 
-    /// Gives the file its name. Without `overwrite`, a file that appeared meanwhile stays.
+    /// Renames the file into place. Without `overwrite`, a file that appeared meanwhile stays.
     ///
     /// # Errors
     ///
-    /// As [`Self::create`]. A reader of the standard output that has read enough is none.
+    /// As [`Self::create`]. A closed standard output is not an error.
     pub fn finish(self) -> Result<()> {
         self.settle()?;
         self.rename()
     }
 
-    /// Gives several files their names, all or none: a signal in between ends the program after the
-    /// last one, and if one is refused, those before it go again. A file that was replaced stays
-    /// replaced.
+    /// Renames several files into place, all or none: signals are delayed until the last one is
+    /// done, and if one fails, those before it are removed. A replaced file stays replaced.
     ///
     /// # Errors
     ///
@@ -206,7 +205,7 @@ impl Output {
         })
     }
 
-    /// Brings the bytes to the disk, or to the standard output.
+    /// Flushes the bytes to the disk, or to the standard output.
     fn settle(&self) -> Result<()> {
         let io = |error| Error::io(error, &self.path);
         if self.destination != Destination::Stdout {
@@ -220,7 +219,7 @@ impl Output {
         }
     }
 
-    /// Gives the bytes on the disk their name.
+    /// Renames the file on the disk into place.
     fn rename(self) -> Result<()> {
         let Self { temporary, path, destination, _folders, .. } = self;
         if destination == Destination::Stdout {
@@ -282,7 +281,7 @@ mod tests {
         let paths = ["a", "b", "c"].map(|name| folder.path().join(name));
         let outputs = || paths.iter().map(|path| Output::create(path, false).expect("writable"));
         let refused: Vec<Output> = outputs().collect();
-        // Another program takes the second name.
+        // Another program creates a file of the second name.
         std::fs::write(&paths[1], b"other").expect("writable");
         let error = Output::finish_all(refused).expect_err("a name is taken");
         assert!(matches!(error.kind(), ErrorKind::Exists), "{error}");

@@ -1,8 +1,8 @@
-//! Named points in the life of an output, at which tests hold the program and end it. Release builds
+//! Named points in the life of an output, where tests pause the program and kill it. Release builds
 //! have none.
 
-/// Waits here if `MIPVOG_PAUSE_AT` names this point and how often the process has passed it by then,
-/// as `appended 3`. Says so on stderr, and goes on at a byte or the end of stdin.
+/// Pauses if `MIPVOG_PAUSE_AT` names this point and the number of times it was passed, such as
+/// `appended 3`. Announces it on stderr, and continues at a byte or the end of stdin.
 #[cfg(debug_assertions)]
 pub(super) fn at(point: &str) {
     use std::io::Read;

@@ -1,4 +1,4 @@
-//! Several outputs that a run leaves together, or not at all.
+//! Several outputs of a run that are kept together, or not at all.
 
 use std::path::Path;
 
@@ -7,8 +7,8 @@ use super::unfinished::{Unfinished, made_and_noted};
 use super::{ByteSink, Output, stale};
 use crate::base::error::Result;
 
-/// The files and folders that a run has made so far. They go again unless [`Self::keep`] is called.
-/// Files that it replaced stay replaced.
+/// The files and folders that a run has made so far. They are removed unless [`Self::keep`] is
+/// called. Replaced files stay replaced.
 #[derive(Debug, Default)]
 pub struct Provisional {
     made: Vec<Unfinished>,
@@ -16,10 +16,10 @@ pub struct Provisional {
 }
 
 impl Provisional {
-    /// Makes a folder and those that it lies in, where they are missing.
+    /// Makes a folder and its missing parents.
     ///
     /// # Errors
-    /// Those of the operating system.
+    /// Errors of the operating system.
     pub fn create_folder(&mut self, folder: &Path) -> Result<()> {
         make_folders(folder, &mut self.made)?;
         stale::remove(folder);
@@ -48,7 +48,7 @@ impl Provisional {
         self.bytes
     }
 
-    /// Everything stays.
+    /// Keeps everything.
     pub fn keep(mut self) {
         self.made.clear();
     }
@@ -91,7 +91,7 @@ mod tests {
             let message = refused.expect_err("a file").to_string();
             assert!(message.ends_with("old: a file is in a folder's place"), "{message}");
         }
-        // A folder with a stranger's file stays.
+        // A folder with other files stays.
         std::fs::remove_file(root.join("a/b/new")).expect("own");
         let mut made = Provisional::default();
         made.create_folder(&root.join("c")).expect("writable");

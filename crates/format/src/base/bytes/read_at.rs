@@ -5,21 +5,21 @@ use std::fs::File;
 use std::io;
 use std::sync::Arc;
 
-/// Bytes that are read by position, from any thread: a file, memory, or what another program holds.
-/// Inputs are read piece by piece, and never copied whole.
+/// Bytes that are read by position, from any thread: a file, memory, or a source of an embedding
+/// program. Inputs are read piece by piece, never copied as a whole.
 pub trait ReadAt: Debug + Send + Sync {
-    /// Bytes in all. They may not become fewer.
+    /// Total bytes, which must not decrease.
     ///
     /// # Errors
     ///
-    /// Those of the source.
+    /// Errors of the source.
     fn length(&self) -> io::Result<u64>;
 
     /// Fills `out` from `offset`. Both are within the length.
     ///
     /// # Errors
     ///
-    /// Those of the source.
+    /// Errors of the source.
     fn read_at(&self, offset: u64, out: &mut [u8]) -> io::Result<()>;
 }
 

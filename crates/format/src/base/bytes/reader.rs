@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, ErrorKind, Place, Result};
 
-/// Reads little-endian numbers from a slice; nothing else indexes file bytes.
+/// Reads little-endian numbers from a slice; no other code indexes file bytes.
 #[derive(Debug, Clone)]
 pub struct ByteReader<'a> {
     bytes: &'a [u8],

@@ -1,13 +1,12 @@
 //! Files at addresses, read by ranges.
 //!
-//! Nothing is fetched unless there is a [`NetworkPermit`]: a name on a command line, or within a
-//! file, asks nobody for anything by itself. `https` alone is read; `http` where it stays on this
-//! machine.
+//! Nothing is fetched without a [`NetworkPermit`]: a name on a command line or in a file never
+//! causes a request by itself. Only `https` is supported, and `http` on this machine.
 //!
-//! A server is asked for blocks of [`BLOCK`] bytes. Reads that go on where others ended get more at
-//! once, up to [`LARGEST_AHEAD`] blocks. So the directory of a checkpoint costs two requests, and a
-//! large tensor few. What was read last stays in memory. A failed request is tried again; a file
-//! that changes while it is read is an error.
+//! Requests are for blocks of [`BLOCK`] bytes. Sequential reads request more at once, up to
+//! [`LARGEST_AHEAD`] blocks. So the directory of a checkpoint takes two requests, and a large
+//! tensor few. Recent blocks stay in memory. Failed requests are retried; a file that changes
+//! during reading is an error.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -21,21 +20,21 @@ use crate::base::lock::lock;
 
 /// Bytes of a block.
 const BLOCK: u64 = 128 << 10;
-/// Blocks that one request asks for beyond those that are needed.
+/// Maximum read-ahead of a request in blocks.
 const LARGEST_AHEAD: u64 = 32;
 /// Blocks that stay in memory.
 const KEPT: usize = 512;
-/// Reads that may go on elsewhere at the same time: a channel of a grid each.
+/// Number of concurrent sequential reads, such as one per channel of a grid.
 const STREAMS: usize = 32;
 
 static PERMITS: AtomicUsize = AtomicUsize::new(0);
 
-/// Lets this process open inputs that are addresses, as long as it lives.
+/// While it lives, this process may open inputs at addresses.
 #[derive(Debug)]
 pub struct NetworkPermit(());
 
 impl NetworkPermit {
-    /// A new one, beside those that there are.
+    /// A new permit, in addition to existing ones.
     #[expect(clippy::new_without_default, reason = "a permit is given on purpose")]
     pub fn new() -> Self {
         PERMITS.fetch_add(1, Ordering::Relaxed);
@@ -49,7 +48,7 @@ impl Drop for NetworkPermit {
     }
 }
 
-/// A file of a server.
+/// A file on a server.
 #[derive(Debug)]
 pub struct RemoteFile {
     address: String,
@@ -64,9 +63,9 @@ struct Blocks {
     /// By number, with the time of the last use.
     kept: BTreeMap<u64, (u64, Arc<[u8]>)>,
     clock: u64,
-    /// The next block of reads that may go on, and the blocks that were read ahead.
+    /// The next block of each sequential read, and its read-ahead in blocks.
     streams: Vec<(u64, u64)>,
-    /// Blocks that are on their way, each with a lock that its thread holds until they are there.
+    /// Pending blocks, each with a lock that its thread holds until they arrive.
     on_their_way: Vec<(Range<u64>, Arc<Mutex<()>>)>,
 }
 
@@ -89,13 +88,13 @@ impl Blocks {
         }
     }
 
-    /// True for a block that is there or on its way.
+    /// True for a cached or pending block.
     fn comes(&self, number: u64) -> bool {
         self.kept.contains_key(&number)
             || self.on_their_way.iter().any(|(blocks, _)| blocks.contains(&number))
     }
 
-    /// Blocks to read beyond the missing ones.
+    /// Blocks to read ahead.
     fn ahead(&mut self, missing: &Range<u64>) -> u64 {
         let known = self.streams.iter().position(|(next, _)| *next == missing.start);
         let ahead = match known.map(|at| self.streams.remove(at)) {
@@ -111,10 +110,10 @@ impl Blocks {
 }
 
 impl RemoteFile {
-    /// Asks the server for the start of the file.
+    /// Requests the start of the file.
     ///
     /// # Errors
-    /// `Usage` unless fetching is allowed, `Io` where the server does not answer with the file.
+    /// `Usage` unless fetching is allowed, `Io` if the server does not return the file.
     pub fn open(address: &str) -> Result<Self> {
         if PERMITS.load(Ordering::Relaxed) == 0 {
             let message = "the input is an address, but network access is off: pass \
@@ -138,7 +137,7 @@ impl RemoteFile {
     /// Fills `out` from `offset`, which must lie within the file.
     ///
     /// # Errors
-    /// `Io` where the server fails for good, or the file changed.
+    /// `Io` if the server fails permanently, or the file changed.
     pub fn read_into(&self, offset: u64, out: &mut [u8]) -> Result<()> {
         let end = offset + out.len() as u64;
         let (mut at, mut out) = (offset, out);
@@ -157,7 +156,7 @@ impl RemoteFile {
         Ok(())
     }
 
-    /// A block; those up to byte `end` that are missing come with it.
+    /// A block; missing blocks up to byte `end` are fetched with it.
     fn block(&self, number: u64, end: u64) -> Result<Arc<[u8]>> {
         loop {
             let mut blocks = lock(&self.blocks);
@@ -167,7 +166,7 @@ impl RemoteFile {
             let way = blocks.on_their_way.iter().find(|(blocks, _)| blocks.contains(&number));
             if let Some(way) = way.map(|(_, way)| Arc::clone(way)) {
                 drop(blocks);
-                // If they do not come, this thread asks for them itself.
+                // If they do not arrive, this thread requests them itself.
                 drop(lock(&way));
                 continue;
             }
@@ -192,7 +191,7 @@ impl RemoteFile {
         }
     }
 
-    /// The bytes of blocks, as far as the file has them.
+    /// The byte range of blocks, clamped to the file.
     fn fetch(&self, blocks: &Range<u64>) -> Result<Vec<u8>> {
         let bytes = blocks.start * BLOCK..self.length.min(blocks.end * BLOCK);
         let answer = fetch(&self.address, bytes.clone())?;

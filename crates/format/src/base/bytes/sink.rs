@@ -1,11 +1,11 @@
-//! Places that bytes are appended to.
+//! Sinks for appended bytes.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::base::error::{Error, Result};
 
-/// A place that bytes are appended to: an output file, or any writer.
+/// A sink for appended bytes: an output file, or any writer.
 pub trait ByteSink {
     /// Appends `bytes`.
     ///
@@ -17,7 +17,7 @@ pub trait ByteSink {
     /// Bytes appended so far.
     fn length(&self) -> u64;
 
-    /// A folder that has room for temporary files.
+    /// A folder for temporary files.
     fn folder(&self) -> PathBuf;
 
     /// Appends zeros up to the next multiple of `alignment`.
@@ -43,7 +43,7 @@ pub struct WriterSink<W> {
 }
 
 impl<W: Write> WriterSink<W> {
-    /// At the writer's start.
+    /// With a count of 0.
     pub fn new(writer: W) -> Self {
         Self { writer, length: 0 }
     }

@@ -1,4 +1,4 @@
-//! Bytes that memory has no room for wait in a file.
+//! A temporary file for bytes that do not fit into memory.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use crate::base::error::{Error, Result};
 use crate::base::lock::lock;
 
-/// A nameless file: it is gone with the last handle to it, however the program ends.
+/// An unnamed file, which disappears with its last handle, however the program ends.
 #[derive(Debug)]
 pub struct Spill {
     file: Mutex<File>,
@@ -28,7 +28,7 @@ impl Spill {
         Ok(Self { file: Mutex::new(file), folder: folder.to_owned() })
     }
 
-    /// Appends `bytes` and returns where they are.
+    /// Appends `bytes` and returns their range.
     ///
     /// # Errors
     ///

@@ -1,9 +1,8 @@
 //! Temporary files of runs that were killed.
 //!
-//! Every output that is being written is locked. The system drops the lock with the process,
-//! however it ends. So a file with the name of such an output and without a lock has no owner, and
-//! the next run that writes to the folder removes it. If a file system has no locks, nothing is
-//! removed.
+//! Every output is locked while it is being written. The system releases the lock with the process,
+//! however it ends. So an unlocked file with the name of such an output has no owner, and the next
+//! run that writes to the folder removes it. On file systems without locks, nothing is removed.
 
 use crate::base::lock::lock;
 use std::collections::BTreeSet;
@@ -18,8 +17,8 @@ pub const PREFIX: &str = ".mipvog-";
 /// Last part of temporary files' names.
 pub const SUFFIX: &str = ".partial";
 
-/// Removes the files that killed runs left in a folder, once a folder and process: folders of
-/// pictures are large.
+/// Removes leftover files of killed runs from a folder, once per folder and process, because
+/// folders of pictures are large.
 pub fn remove(folder: &Path) {
     static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let mut cleaned = lock(&CLEANED);
@@ -42,7 +41,7 @@ pub fn remove(folder: &Path) {
 fn remove_unlocked(path: &Path) {
     let Ok(file) = File::options().read(true).write(true).open(path) else { return };
     if file.try_lock().is_ok() {
-        // The lock is held until the name is gone, so that no other process takes the file in
+        // The lock is held until the name is removed, so that no other process takes the file in
         // between.
         std::fs::remove_file(path).ok();
     }
@@ -50,6 +49,6 @@ fn remove_unlocked(path: &Path) {
 
 /// Locks a new temporary file. `false` if another process removed it before.
 pub fn claim(temporary: &NamedTempFile) -> bool {
-    // Without locks no process removes anything.
+    // Without locks, no process removes anything.
     temporary.as_file().lock().is_err() || temporary.path().exists()
 }

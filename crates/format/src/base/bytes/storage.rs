@@ -1,4 +1,4 @@
-//! Bytes of a tensor, wherever they lie.
+//! Bytes of a tensor, in a file or in memory.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,14 +11,14 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 pub enum Storage {
     /// Bytes `range` of `file`.
     File {
-        /// The file that they are read from, by position.
+        /// The file, read by position.
         file: Arc<SourceFile>,
         /// Offsets in the file.
         range: Range<u64>,
         /// CRC-32 of the whole range, where the format states one.
         crc32: Option<u32>,
     },
-    /// Bytes already in memory, their checksum verified where the format has one.
+    /// Bytes already in memory, with a verified checksum if the format has one.
     Memory(Arc<[u8]>),
 }
 
@@ -31,7 +31,7 @@ impl Storage {
         }
     }
 
-    /// Stated checksum of all bytes that a reader has yet to verify.
+    /// Stated checksum of all bytes, which the reader must still verify.
     pub fn crc32(&self) -> Option<u32> {
         match self {
             Self::File { crc32, .. } => *crc32,

@@ -1,14 +1,14 @@
 //! Files and folders that must not outlive a run that ends early.
 //!
-//! Their owners remove them when they are dropped. A program that is ended from outside, by a
-//! signal, drops nothing: it removes all of them by their names.
+//! Their owners remove them on drop. A program that is ended by a signal drops nothing, so it
+//! removes all of them by name.
 
 use crate::base::lock::{Locked, lock};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError, RwLock};
 
-/// Locked for good by the end of the program.
+/// Locked permanently at the end of the program.
 static ENDS: RwLock<()> = RwLock::new(());
 
 fn noted() -> Locked<'static, BTreeSet<PathBuf>> {
@@ -16,14 +16,14 @@ fn noted() -> Locked<'static, BTreeSet<PathBuf>> {
     lock(&NOTED)
 }
 
-/// A file or folder that is unfinished as long as this lives.
+/// Registers a file or folder as unfinished while this lives.
 #[derive(Debug)]
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Notes its name.
+    /// Registers its name.
     pub fn note(path: &Path) -> Self {
-        // Another working folder would make another file of a relative name.
+        // A relative name would change with the working folder.
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         noted().insert(path.clone());
         Self(path)
@@ -41,18 +41,18 @@ impl Drop for Unfinished {
     }
 }
 
-/// Makes something and notes it, with no end of the program in between. The work is short and makes
-/// nothing else this way.
+/// Makes something and registers it, without an end of the program in between. The work must be
+/// short and must not nest.
 pub fn made_and_noted<T>(work: impl FnOnce() -> T) -> T {
     let _goes_on = ENDS.read().unwrap_or_else(PoisonError::into_inner);
     work()
 }
 
-/// Removes everything that is unfinished in this process, for its end. From then on nothing is made
-/// any more: threads that would make something wait for the end.
+/// Removes all unfinished files and folders of this process at its end. From then on, threads that
+/// would make more block until the end.
 pub fn remove_all() {
     std::mem::forget(ENDS.write().unwrap_or_else(PoisonError::into_inner));
-    // Names inside a folder sort behind its own.
+    // Names inside a folder sort after the folder.
     noted().iter().rev().for_each(|path| remove(path));
 }
 

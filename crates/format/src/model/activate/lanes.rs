@@ -1,17 +1,17 @@
 //! Activations of several values at once, without branches or library calls, so that loops over
-//! them become vector instructions. The same values for any lane count and CPU.
+//! them are vectorized. Values are the same for any lane count and CPU.
 //!
-//! Errors against the float64 functions of [`crate::model::activate`], over all finite inputs, are
-//! held by tests: 3e-7 relative for [`exp`] (of results above 2e-35) and [`exp2`], 4e-7 relative for
-//! [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for [`ln`];
-//! 3e-7 absolute and a rounding of the result for [`log2`].
+//! Tests bound the errors against the float64 functions of [`crate::model::activate`], over all
+//! finite inputs: 3e-7 relative for [`exp`] (of results above 2e-35) and [`exp2`], 4e-7 relative
+//! for [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for
+//! [`ln`]; 3e-7 absolute and a rounding of the result for [`log2`].
 
 /// Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the lowest
 /// bits: a conversion would saturate, which compilers do one lane at a time.
 const ROUNDER: f32 = 12_582_912.0;
 
-/// `exp(x)` for x in -80 to 88; beyond, the value at the end. The smallest result, 2e-35, leads to
-/// no subnormal numbers, which processors are slow with.
+/// `exp(x)` for x in -80 to 88; beyond, the value at the end. The smallest result, 2e-35, avoids
+/// subnormal numbers, which are slow.
 ///
 /// `x = n ln 2 + r` with r within half of ln 2, `exp(r)` by its Taylor polynomial of degree 6
 /// (whose remainder is 1.2e-7 relative at the ends, 4e-9 in the mean), and `2^n` by its exponent
@@ -100,8 +100,8 @@ pub fn ln(x: f64) -> f64 {
     const ONE: u64 = 1023 << 52;
     let exponent = x.to_bits().wrapping_add(CARRY) >> 52;
     let m = f64::from_bits(x.to_bits().wrapping_sub(exponent << 52).wrapping_add(ONE));
-    // A number of 52 bits under this exponent is itself above 2^52: no conversion, which vectors
-    // may lack.
+    // Integers of 52 bits under this exponent are floats above 2^52, which avoids a conversion that
+    // vectors may lack.
     let n = f64::from_bits(exponent | (1075 << 52)) - (4_503_599_627_370_496.0 + 1023.0);
     let s = (m - 1.0) / (m + 1.0);
     let z = s * s;

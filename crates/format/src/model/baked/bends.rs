@@ -1,11 +1,12 @@
-//! Where the rule for the level that a sample reads bends.
+//! Bends of the rule that picks the level of a sample.
 
 use serde::{Deserialize, Serialize};
 
 /// Bends of a rule, at most.
 pub const MOST_BENDS: usize = 6;
 
-/// Changes of a line's slope: `[at, by]`, from `log2(rho)` of `at` on by `by`, in rising order.
+/// Changes of a line's slope: `[at, by]` adds `by` to the slope from a `log2(rho)` of `at` on, in
+/// rising order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<[f32; 2]>", into = "Vec<[f32; 2]>")]
 pub struct Bends {
@@ -27,7 +28,7 @@ impl Bends {
         &self.bends[..self.count]
     }
 
-    /// The bends, to be changed.
+    /// The bends, mutable.
     pub fn as_mut_slice(&mut self) -> &mut [[f32; 2]] {
         &mut self.bends[..self.count]
     }
@@ -37,7 +38,7 @@ impl Bends {
         self.count == 0
     }
 
-    /// True if places rise and the slope, `factor` at first, stays above 0.
+    /// True if places rise and the slope, which starts as `factor`, stays above 0.
     pub(super) fn rise(&self, factor: f32) -> bool {
         let bends = self.as_slice();
         let finite = bends.iter().flatten().all(|number| number.is_finite());

@@ -39,7 +39,7 @@ macro_rules! map_codes {
 }
 
 impl Codes {
-    /// So many zeros, in the width of `number`.
+    /// This many zeros, in the width of `number`.
     pub fn zeroed(number: NumberType, count: usize) -> Self {
         match number {
             NumberType::U8 => Self::U8(vec![0; count]),
@@ -53,7 +53,7 @@ impl Codes {
         with_codes!(self, codes => codes.len())
     }
 
-    /// True if these are so many codes in the width of `number`.
+    /// True if these are this many codes in the width of `number`.
     pub fn fit(&self, number: NumberType, count: usize) -> bool {
         self.number_bytes() == number.bytes() && self.len() == count
     }
@@ -67,7 +67,7 @@ impl Codes {
         }
     }
 
-    /// True if there are none.
+    /// True if empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -81,7 +81,7 @@ impl Codes {
         }
     }
 
-    /// A copy of some of them.
+    /// A copy of a range.
     #[must_use]
     pub fn slice(&self, range: Range<usize>) -> Self {
         map_codes!(self, codes => codes[range].to_vec())

@@ -10,7 +10,7 @@ use crate::model::scene::{Activation, INVISIBLE_OPACITY};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DensityDomain {
-    /// Raw density, which the activation's function turns into density.
+    /// Raw density, the input of the activation.
     #[serde(rename = "raw_density")]
     Raw,
     /// Square root of the optical depth over one interval: `alpha = 1 - exp(-value^2)`.
@@ -23,7 +23,7 @@ impl DensityDomain {
     /// Every domain.
     pub const ALL: [Self; 3] = [Self::Raw, Self::SqrtOpticalDepth, Self::Opacity];
 
-    /// Opacity over one interval, 0 to 1. It never falls where values rise.
+    /// Opacity over one interval, 0 to 1. Monotone in the value.
     pub fn opacity(self, value: f64, activation: &Activation) -> f64 {
         match self {
             Self::Raw => activation.opacity(value),
@@ -62,12 +62,12 @@ pub enum Decode {
     Anisotropy,
 }
 
-/// The largest move of a colour by a move of all three parts of directional brightness by 1: the
-/// dot product with a unit vector moves by at most `sqrt(3)`, and the sigmoid's slope is at most
-/// 1/4.
+/// The largest change of a colour if all three components of directional brightness change by 1:
+/// the dot product with a unit vector changes by at most `sqrt(3)`, and the sigmoid's slope is at
+/// most 1/4.
 const DIRECTIONAL_GAIN: f64 = 0.433_012_701_892_219_3;
-/// The largest move of opacity by a move of all five values of anisotropy by 1: the sum moves by at
-/// most `sqrt(5) * sqrt(5 / (4 pi))`, and the slope of `1 - exp(-u^2)` is at most `sqrt(2 / e)`.
+/// The largest change of opacity if all five values of anisotropy change by 1: the sum changes by
+/// at most `sqrt(5) * sqrt(5 / (4 pi))`, and the slope of `1 - exp(-u^2)` is at most `sqrt(2 / e)`.
 const ANISOTROPY_GAIN: f64 = 1.209_867_5;
 
 impl Decode {
@@ -86,9 +86,10 @@ impl Decode {
         Self::Anisotropy,
     ];
 
-    /// Opacity over one interval, or colour from 0 to 1. Of coefficients, the largest colour that a
-    /// band of such coefficients adds in any direction; of directional brightness, the largest that
-    /// three such values add; of anisotropy, the largest opacity that five such values add. Errors are stated in these. It never falls where values rise.
+    /// Opacity over one interval, or colour from 0 to 1. For coefficients, the largest colour that
+    /// a band of such coefficients adds in any direction; for directional brightness, that of three
+    /// such values; for anisotropy, the largest opacity that five such values add. Errors are
+    /// stated in these units. Monotone in the value.
     pub fn activated(self, value: f64, activation: &Activation) -> f64 {
         match self {
             Self::Density(domain) => domain.opacity(value, activation),

@@ -7,9 +7,9 @@
 //! f16, f32: value = the number itself
 //! ```
 //!
-//! Codes are dense around `center`, where an activation is steep, and grow sparse towards the ends,
-//! which only have to be in proportion: a surface lies where interpolation between a node inside
-//! and one far outside crosses the visible range.
+//! Codes are dense around `center`, where an activation is steep, and sparse towards the ends,
+//! where only proportions matter: a surface lies where interpolation between a node inside and one
+//! far outside crosses the visible range.
 
 use std::ops::RangeInclusive;
 
@@ -47,7 +47,7 @@ pub struct ColorLayout {
     pub degree: usize,
     /// True if a level has directional brightness.
     pub directional: bool,
-    /// True if a level has anisotropy, which is not a colour, but stored after them.
+    /// True if a level has anisotropy, which is not a colour, but is stored after the colours.
     pub anisotropy: bool,
 }
 
@@ -125,7 +125,7 @@ impl Group {
         !matches!(self, Self::Density | Self::Anisotropy)
     }
 
-    /// True if the values are coefficients of functions of the view direction: they change with a
+    /// True if the values are coefficients of functions of the view direction, which change with a
     /// rotation.
     pub const fn is_directional(self) -> bool {
         matches!(self, Self::Band(_) | Self::Directional | Self::Anisotropy)
@@ -154,8 +154,7 @@ impl Encoding {
         (1 << self.bits) - 1
     }
 
-    /// The largest error of values that are moved by up to `moved` after they were encoded, rounded
-    /// up.
+    /// The largest error of values that are moved by up to `moved` after encoding, rounded up.
     pub fn error_after(&self, moved: f64) -> f32 {
         if moved > 0.0 {
             ((f64::from(self.max_error) + moved) * (1.0 + 1e-6)) as f32

@@ -10,19 +10,19 @@ use crate::model::view_mlp::ViewMlp;
 pub struct BakedField {
     /// The metadata.
     pub metadata: Metadata,
-    /// View-dependent colour, if there is any.
+    /// View-dependent colour, if any.
     pub view_mlp: Option<ViewMlp>,
     /// The free-space mask, if dropping it would be visible.
     pub free_space: Option<FreeSpace>,
     /// Levels, finest first, then shells: the parts of the metadata.
     pub levels: Vec<BakedLevel>,
-    /// The finest level that was read; above 0 only for a prefix of a container. Finer levels are
+    /// The finest level that was read, above 0 only for a prefix of a container. Finer levels are
     /// empty.
     pub finest: usize,
 }
 
 impl BakedField {
-    /// Only the content of level 0's box: the levels that span it, without shells.
+    /// Reduces the content to level 0's box: the levels that span it, without shells.
     #[must_use]
     pub fn inner_box(self) -> Self {
         self.one_box(0)
@@ -63,8 +63,8 @@ impl BakedField {
         self
     }
 
-    /// Refuses levels whose tables or codes do not fit the metadata. The metadata itself is held to
-    /// the rules of a container elsewhere.
+    /// Refuses levels whose tables or codes do not fit the metadata. The metadata itself is checked
+    /// elsewhere.
     ///
     /// # Errors
     /// `Malformed`, with the level as its place.

@@ -18,7 +18,8 @@ impl LevelOfDetail {
         self
     }
 
-    /// True if numbers are finite, the bound is from 0, and the level grows with the footprint.
+    /// True if numbers are finite, the bound is not negative, and the level grows with the
+    /// footprint.
     pub fn is_valid(&self) -> bool {
         let bound = self.bound.unwrap_or(0.0);
         let line = self.factor > 0.0 && self.factor.is_finite() && self.bias.is_finite();

@@ -20,7 +20,7 @@ impl Metadata {
         }
     }
 
-    /// The view dependence that is stated, with its `network` where it has one.
+    /// The stated view dependence, with its `network` if it has one.
     pub fn view_dependence(&self, network: Option<&ViewMlp>) -> Option<ViewDependence> {
         match self.view.as_ref()? {
             ViewMetadata::Harmonics(harmonics) => Some(ViewDependence::Harmonics(harmonics.rules)),
@@ -28,7 +28,7 @@ impl Metadata {
         }
     }
 
-    /// A colour channel from 0 to 1 of a diffuse value; of harmonics the mean over all directions.
+    /// A colour channel, 0 to 1, of a diffuse value; for harmonics, the mean over all directions.
     pub fn mean_color(&self, value: f32) -> f64 {
         let view = self.view.as_ref().and_then(ViewMetadata::harmonics);
         match (view, self.color_domain()) {
@@ -53,13 +53,13 @@ impl Metadata {
         }
     }
 
-    /// Levels and shells: all that has a table and atlases. Part `k` is level `k`; after the levels
-    /// come the shells of levels 1, 2 and so on.
+    /// Levels and shells, the parts with a table and atlases. Part `k` is level `k`; the shells of
+    /// levels 1, 2 and so on follow the levels.
     pub fn parts(&self) -> impl Iterator<Item = &LevelMetadata> {
         self.levels.iter().chain(&self.shells)
     }
 
-    /// The same, to be changed.
+    /// The same, mutable.
     pub fn parts_mut(&mut self) -> impl Iterator<Item = &mut LevelMetadata> {
         self.levels.iter_mut().chain(&mut self.shells)
     }
@@ -121,8 +121,8 @@ impl Metadata {
         std::iter::once(self.bounds).chain(shells).collect()
     }
 
-    /// The number of the box that a part spans: a shell's own, and of a level that of the next finer
-    /// one.
+    /// The number of the box that a part spans: a shell's own box, or the box of the next finer
+    /// level.
     pub fn box_of_part(&self, part: usize) -> usize {
         match part < self.levels.len() {
             true => part.saturating_sub(1).min(self.shells.len()),
@@ -130,7 +130,7 @@ impl Metadata {
         }
     }
 
-    /// The box of everything.
+    /// The outermost box.
     pub fn outer_bounds(&self) -> Bounds {
         self.level_bounds(self.shells.len())
     }
@@ -171,7 +171,7 @@ impl LevelMetadata {
         colors.all(|encoding| !encoding.number.is_float())
     }
 
-    /// All encodings with their groups, to be changed, in the order of [`Group::ALL`].
+    /// All encodings with their groups, mutable, in the order of [`Group::ALL`].
     pub fn encodings_mut(&mut self) -> impl Iterator<Item = (Group, &mut Encoding)> {
         let bands = self.bands.iter_mut().enumerate();
         let groups = [
@@ -186,7 +186,7 @@ impl LevelMetadata {
         groups.chain(bands).chain(directional).chain(anisotropy)
     }
 
-    /// The encoding of a group, to be changed.
+    /// The encoding of a group, mutable.
     pub fn encoding_mut(&mut self, group: Group) -> Option<&mut Encoding> {
         match group {
             Group::Density => self.density.as_mut(),

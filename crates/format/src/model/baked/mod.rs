@@ -2,8 +2,8 @@
 //! them.
 //!
 //! A level's grid is cut into cubes of nodes. Visible blocks are stored, in the order of their
-//! numbers (z fastest), one *frame* each; the others read as the level's empty values. A block
-//! holds only the nodes that no other block holds: aprons are copies that a reader makes.
+//! numbers (z fastest), one *frame* each; the others read as the level's empty values. Blocks do
+//! not share nodes: aprons are copies that a reader makes.
 
 mod bends;
 mod codes;

@@ -33,7 +33,7 @@ impl Occupancy {
 }
 
 /// Each block's occupancy, and its frame in the atlases. Frames are numbered in the order of the
-/// blocks, so the table follows from occupancy alone and cannot contradict it.
+/// blocks, so occupancy alone determines the table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Table {
     grid: BlockGrid,
@@ -48,7 +48,7 @@ impl Table {
     /// From each block's occupancy, z fastest.
     ///
     /// # Errors
-    /// `Malformed` where there are not as many as the grid has blocks.
+    /// `Malformed` if their number differs from the grid's blocks.
     pub fn new(grid: BlockGrid, occupancy: Vec<Occupancy>) -> Result<Self> {
         if occupancy.len() != grid.total() {
             let found = format!("{} occupancies", occupancy.len());
@@ -75,7 +75,7 @@ impl Table {
         &self.occupancy
     }
 
-    /// Blocks that have a frame: those that are stored, and those whose colours are inherited.
+    /// Number of blocks with a frame: stored ones, and those with inherited colours.
     pub fn frames(&self) -> usize {
         self.frames
     }
@@ -91,7 +91,7 @@ impl Table {
         self.occupancy[(i * rows + j) * length + k] == Occupancy::Inherited
     }
 
-    /// The same blocks, all with colours of their own.
+    /// The same blocks, all with stored colours.
     pub fn without_inheritance(&self) -> Result<Self> {
         let stored = |&block: &Occupancy| match block {
             Occupancy::Inherited => Occupancy::Stored,

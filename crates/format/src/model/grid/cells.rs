@@ -3,8 +3,8 @@
 use super::{NodeMask, Nodes, row};
 use crate::base::error::Result;
 
-/// A set of the cells of a grid. A cell has the place of its lowest node, so no cell lies in the
-/// last plane, row or column of nodes.
+/// A set of the cells of a grid. A cell is indexed by its lowest node, so no cell lies in the last
+/// plane, row or column of nodes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CellMask {
     lowest: NodeMask,

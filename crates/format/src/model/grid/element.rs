@@ -1,4 +1,4 @@
-//! Numbers as tensor files hold them.
+//! Numbers in tensor files.
 
 use half::slice::HalfFloatSliceExt;
 
@@ -125,8 +125,9 @@ impl Element {
     }
 }
 
-/// Decodes float16 numbers, many at a time: one by one, each would be a call. Vectors copy a piece
-/// and, later, convert it: they would wait for numbers that were stored one by one just before.
+/// Decodes float16 numbers in batches, because single ones would be a call each. A piece is copied
+/// by vectors and converted later, because vector loads stall on numbers that were just stored one
+/// by one.
 fn halves(bytes: &[[u8; 2]], out: &mut [f32]) {
     let mut piece = [half::f16::ZERO; 512];
     for (bytes, out) in bytes.chunks(piece.len()).zip(out.chunks_mut(piece.len())) {

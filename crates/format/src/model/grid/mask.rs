@@ -22,7 +22,7 @@ impl NodeMask {
         Self { nodes, words, bits: vec![0; nodes.0[0] * nodes.0[1] * words] }
     }
 
-    /// Bytes that any set of nodes of this grid takes.
+    /// Bytes of a set of nodes of this grid.
     pub fn bytes(nodes: Nodes) -> u64 {
         8 * (nodes.0[0] * nodes.0[1] * row::words(nodes)) as u64
     }
@@ -51,14 +51,14 @@ impl NodeMask {
         row::set(&mut self.bits[start..start + self.words], z);
     }
 
-    /// The set whose rows of plane `x` are made by `fill(x, rows)`, from empty ones.
+    /// A set from `fill(x, rows)`, which fills the empty rows of plane `x`.
     pub fn of_planes(
         nodes: Nodes,
         fill: impl Fn(usize, &mut [u64]) -> Result<()> + Sync + Send,
     ) -> Result<Self> {
         let mut mask = Self::empty(nodes);
         parallel::map_mut(&mut mask.planes_mut(0), |x, rows| {
-            // Pages that are read before they are written are made twice, and all threads wait.
+            // Pages that are read before they are written fault twice, and block all threads.
             rows.fill(0);
             fill(x, rows)
         })?;

@@ -1,4 +1,4 @@
-//! Places in boxes around each other.
+//! Places in nested boxes.
 
 use super::Bounds;
 
@@ -13,7 +13,7 @@ pub struct BoxFrame {
 }
 
 impl BoxFrame {
-    /// Of a box in another one.
+    /// From a box in another one.
     pub fn new(own: &Bounds, outer: &Bounds) -> Self {
         let (extent, own_extent) = (outer.extent(), own.extent());
         let low = |bounds: &Bounds, axis: usize| f64::from(bounds.min[axis]);
@@ -21,7 +21,7 @@ impl BoxFrame {
         Self { offset, scale: [0, 1, 2].map(|axis| extent[axis] / own_extent[axis]) }
     }
 
-    /// Those of several boxes in the last of them; none of a single box.
+    /// The places of several boxes in the last of them; empty for a single box.
     pub fn of_boxes(boxes: &[Bounds]) -> Vec<Self> {
         match boxes {
             [_, .., outer] => boxes.iter().map(|own| Self::new(own, outer)).collect(),
@@ -29,7 +29,7 @@ impl BoxFrame {
         }
     }
 
-    /// A place in shares of the box, not limited to it.
+    /// A place in shares of the box, not clamped.
     #[inline(always)]
     pub fn place(&self, share: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = share;
@@ -38,7 +38,7 @@ impl BoxFrame {
         [(x - ox) * sx, (y - oy) * sy, (z - oz) * sz]
     }
 
-    /// A place in shares of the box, moved to its nearest point.
+    /// A place in shares of the box, clamped to it.
     #[inline(always)]
     pub fn place_within(&self, share: [f64; 3]) -> [f64; 3] {
         self.place(share).map(|at| at.clamp(0.0, 1.0))

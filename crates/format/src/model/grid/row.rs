@@ -17,7 +17,7 @@ pub fn get(row: &[u64], z: usize) -> bool {
 
 /// The bits of a row from `first` on, as many as there are flags.
 pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
-    // Each byte keeps one bit of eight, and the sum has the top bit where that is set.
+    // Each byte keeps one of eight bits, and the sum sets its top bit if that is set.
     const EACH: u64 = 0x8040_2010_0804_0201;
     const BELOW_TOP: u64 = 0x7f7f_7f7f_7f7f_7f7f;
     for (z, flags) in (first..).step_by(8).zip(flags.chunks_mut(8)) {
@@ -36,7 +36,7 @@ pub fn unpack(row: &[u64], first: usize, flags: &mut [bool]) {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 pub fn pack_above(values: &[f32], threshold: f32, row: &mut [u64]) {
     for (values, word) in values.chunks(64).zip(row) {
-        // Most of a scene is empty, and a test is faster than bits.
+        // Most of a scene is empty, and a test is faster than setting bits.
         if values.iter().fold(0, |any, &value| any | u32::from(value > threshold)) == 0 {
             *word = 0;
             continue;
@@ -75,7 +75,7 @@ pub fn or_into(row: &mut [u64], other: &[u64]) {
     }
 }
 
-/// Drops the bits that `other` does not have.
+/// Keeps the bits that are set in `other`.
 pub fn and_into(row: &mut [u64], other: &[u64]) {
     for (word, other) in row.iter_mut().zip(other) {
         *word &= other;
@@ -122,12 +122,11 @@ fn next_bit(row: &[u64], at: usize, others: u64) -> Option<usize> {
     Some(word * 64 + left.trailing_zeros() as usize)
 }
 
-/// Spans begin and end at multiples of this: the longest vectors of numbers that loops over them
-/// may be made of.
+/// Spans begin and end at multiples of this, the longest vectors in loops over them.
 pub const LANES: usize = 16;
 
-/// Ranges of the first `count` bits, lowest first, that cover all set ones. Few are short: runs
-/// fewer than `gap` bits apart are one, and ends are where vectors end.
+/// Ranges of the first `count` bits, lowest first, that cover all set ones. Runs fewer than `gap`
+/// bits apart are joined, and ends are aligned to vectors.
 #[inline]
 pub fn spans(row: &[u64], count: usize, gap: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut runs = runs(row)

@@ -90,7 +90,7 @@ impl Bounds {
         ))
     }
 
-    /// What two boxes have in common, if they meet.
+    /// The intersection of two boxes, if not empty.
     pub fn common(&self, other: &Self) -> Option<Self> {
         let mut common = *self;
         let axes = common.min.iter_mut().zip(&mut common.max);
@@ -101,11 +101,11 @@ impl Bounds {
         meets.then_some(common)
     }
 
-    /// Corners of a model's box must lie within this distance of 0, so that cameras around it are
-    /// within a hundred times as much.
+    /// Maximum distance of a model box's corners from 0, so that cameras around it are within a
+    /// hundred times as much.
     pub const FARTHEST: f64 = 1e10;
 
-    /// The same for the box of a model, which cameras surround.
+    /// The same for the box of a model, with room for cameras around it.
     ///
     /// # Errors
     /// `Malformed`.

@@ -12,7 +12,7 @@ use crate::model::grid::Element;
 use crate::tensor::value::check_name;
 use crate::tensor::{Data, Tensor, Value};
 
-/// Values inside values, at most. State dictionaries need about six.
+/// Maximum depth of nested values. State dictionaries need about six.
 const DEPTH: usize = 64;
 
 /// The value of the object `root`, everything in it copied out.
@@ -90,11 +90,11 @@ impl Copier<'_, '_> {
                 Node::Float(value) => value.to_string(),
                 Node::Bool(value) => value.to_string(),
                 Node::None => "None".into(),
-                // Nobody asks for it, and it must not hide another one.
+                // It is never requested, and must not hide another value.
                 other => self.text(&format!("{} as key {number}", other.describe()))?,
             };
             let value = self.under(&key, |copier| copier.value(value, depth))?;
-            // As in Python, a key that comes again changes its value and keeps its place.
+            // As in Python, a repeated key changes its value and keeps its place.
             match numbers.get(&key).and_then(|&number: &usize| dict.get_mut(number)) {
                 Some((_, earlier)) => *earlier = value,
                 None => {

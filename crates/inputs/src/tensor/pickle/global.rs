@@ -1,4 +1,4 @@
-//! The names that mean something here. Things of other names stay closed.
+//! The supported names. Objects of other names are not built.
 
 use crate::model::grid::Element;
 
@@ -15,11 +15,11 @@ pub(super) enum Global {
     RebuildParameter,
     /// `torch._tensor._rebuild_from_type_v2`: a function, a class, the function's arguments.
     RebuildFromType,
-    /// `collections.defaultdict`: an ordinary dictionary for those who only read it.
+    /// `collections.defaultdict`: an ordinary dictionary when only read.
     DefaultDict,
     /// `collections.Counter`: likewise.
     Counter,
-    /// `set` and `frozenset`: lists for those who only read them.
+    /// `set` and `frozenset`: lists when only read.
     Set,
     /// `torch.FloatStorage` and its like; without a type `UntypedStorage`.
     Storage(Option<Element>),
@@ -39,14 +39,14 @@ pub(super) enum Global {
     NumpyScalar,
     /// `numpy._core.numeric._frombuffer`
     NumpyFromBuffer,
-    /// `_codecs.encode`: how protocol 2 spells bytes.
+    /// `_codecs.encode`: bytes in protocol 2.
     Encode,
-    /// `bytes`: how protocol 2 spells no bytes.
+    /// `bytes`: empty bytes in protocol 2.
     Bytes,
 }
 
 impl Global {
-    /// The global of this name, if it is one that is known.
+    /// The global of this name, if supported.
     pub(super) fn find(module: &str, name: &str) -> Option<Self> {
         Some(match (module, name) {
             ("collections", "OrderedDict") => Self::OrderedDict,

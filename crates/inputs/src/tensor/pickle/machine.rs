@@ -41,7 +41,7 @@ impl<'a, 's> Machine<'a, 's> {
         }
     }
 
-    /// Runs to the end; returns all objects and the one that the pickle is.
+    /// Runs to the end; returns all objects and the result.
     pub(super) fn run(mut self) -> Result<(Arena<'a>, Id)> {
         if self.reader.array::<1>()? != [0x80] {
             return Err(self.malformed("no protocol at the start", "a pickle of protocol 2 to 5"));
@@ -110,7 +110,7 @@ impl<'a, 's> Machine<'a, 's> {
                 let text = self.text(code)?;
                 self.push(Node::Text(text))
             }
-            // Python 2's strings, which may be either.
+            // Python 2's strings, which may be text or bytes.
             b'U' | b'T' => {
                 let bytes = self.counted(code)?;
                 self.push(match std::str::from_utf8(bytes) {
@@ -158,7 +158,7 @@ impl<'a, 's> Machine<'a, 's> {
                 self.stack.push(made);
                 Ok(())
             }
-            // An object of a class: without running anything, a call like any other.
+            // An object of a class: treated as a call, without running anything.
             0x81 => {
                 let (arguments, class) = (self.pop()?, self.pop()?);
                 let made = self.call(class, arguments)?;
@@ -347,7 +347,7 @@ impl<'a, 's> Machine<'a, 's> {
         Ok(())
     }
 
-    /// An object that is there already; counted, for a stack of them takes memory too.
+    /// A reference to an existing object; counted, because a stack of references takes memory too.
     fn push_again(&mut self, id: Id) -> Result<()> {
         self.arena.allowance.object(size_of::<Id>(), &self.place)?;
         self.stack.push(id);

@@ -1,16 +1,16 @@
 //! Python pickles of state dictionaries, read without running anything.
 //!
 //! A pickle is a program for a small stack machine that can name any function and call it. This
-//! interpreter has the instructions of protocols 2 to 5 that plain values and objects are made of,
-//! and a fixed list of names ([`global`]) whose calls it carries out itself: dictionaries and sets,
-//! tensors over storages, NumPy arrays and numbers. Things of every other name stay closed: nothing
-//! of them is run, and whoever needs one learns its name. Every other instruction is an error that
-//! says which one, and where.
+//! interpreter supports the instructions of protocols 2 to 5 for plain values and objects, and a
+//! fixed list of names ([`global`]) whose calls it emulates: dictionaries and sets, tensors over
+//! storages, NumPy arrays and numbers. Objects of other names are not built, and no code of them
+//! runs; an error names an object if it is needed. Any other instruction is an error with its name
+//! and place.
 //!
-//! Objects are nodes of an arena and refer to each other by number, so that a list that holds
-//! itself is no danger while the pickle runs. The result is then copied out as a tree of
-//! [`super::Value`]s, to a limited depth. The memory of the arena and the tree is spent from a budget, so
-//! that a few bytes cannot be expanded without end.
+//! Objects are nodes of an arena and refer to each other by number, so that a list that contains
+//! itself is harmless. The result is copied to a tree of [`super::Value`]s of limited depth. A
+//! budget bounds the memory of the arena and the tree, so that a few bytes cannot expand without
+//! limit.
 
 mod convert;
 mod global;

@@ -35,18 +35,18 @@ pub(super) enum Node<'a> {
         shape: Vec<u64>,
         strides: Vec<u64>,
     },
-    /// A tensor of a kind that is not read: the kind, and the shape where it is known.
+    /// A tensor of an unsupported kind: the kind, and the shape if known.
     UnreadTensor(String, Vec<u64>),
-    /// An object, a function or a class of a kind that is not read: the kind. Nothing of it is run,
-    /// and what is set in it is forgotten.
+    /// An object, a function or a class of an unsupported kind: the kind. It is never run, and its
+    /// state is discarded.
     Opaque(String),
-    /// A NumPy type: its letter and size, as in `f4`, with `>` before it where it is big-endian.
+    /// A NumPy type: its letter and size, as in `f4`, with `>` before it if it is big-endian.
     NumpyType(String),
     /// A NumPy array, empty until its state is set.
     Array(Option<Array>),
 }
 
-/// A NumPy array that lies in the pickle.
+/// A NumPy array inside the pickle.
 #[derive(Debug, Clone)]
 pub(super) struct Array {
     pub(super) code: String,
@@ -79,7 +79,7 @@ impl Node<'_> {
     }
 }
 
-/// An object that a function or a class of a kind that is not read would make.
+/// The object that an unsupported function or class would make.
 pub(super) fn made_by<'a>(kind: &str) -> Node<'a> {
     let name = kind.strip_prefix("the Python name ").unwrap_or(kind);
     let is_tensor =
@@ -91,7 +91,7 @@ pub(super) fn made_by<'a>(kind: &str) -> Node<'a> {
     }
 }
 
-/// All objects of a pickle, and the rest of their allowance.
+/// All objects of a pickle, and their remaining allowance.
 #[derive(Debug)]
 pub(super) struct Arena<'a> {
     nodes: Vec<Node<'a>>,
@@ -117,12 +117,12 @@ impl<'a> Arena<'a> {
         self.nodes.get(id.0 as usize).unwrap_or(&Node::None)
     }
 
-    /// The same, to change it.
+    /// The same, mutable.
     pub(super) fn get_mut(&mut self, id: Id) -> Option<&mut Node<'a>> {
         self.nodes.get_mut(id.0 as usize)
     }
 
-    /// Gives up the objects and the rest of their allowance.
+    /// Returns the objects and their remaining allowance.
     pub(super) fn into_parts(self) -> (Vec<Node<'a>>, Allowance) {
         (self.nodes, self.allowance)
     }
@@ -145,8 +145,8 @@ pub(super) struct Allowance {
 
 impl Allowance {
     fn new(limits: &Limits) -> Self {
-        // State dictionaries take about as much more than their pickle; lists take up to half as
-        // much again while they grow.
+        // State dictionaries take about twice the size of their pickle; growing lists take up to
+        // half as much again.
         let header = (LimitName::HeaderBytes, limits.header_bytes.saturating_mul(2));
         Self { objects: 0, allowed: limits.pickle_objects, bytes: 0, most: header }
     }

@@ -4,7 +4,7 @@ use super::machine::Machine;
 use super::node::{Array, Id, Node};
 use crate::base::error::Result;
 
-/// The number that `bytes` spell in a NumPy type.
+/// Decodes `bytes` as a number of a NumPy type.
 pub(super) fn number(code: &str, bytes: &[u8]) -> Option<Node<'static>> {
     Some(match code {
         "b1" => Node::Bool(<[u8; 1]>::try_from(bytes).ok()? != [0]),
@@ -46,7 +46,7 @@ impl<'a> Machine<'a, '_> {
     }
 
     /// The letters of a type once its state is set: `(version, byte order, base type, field names,
-    /// fields, ...)`. None where they stay.
+    /// fields, ...)`. None if they do not change.
     pub(super) fn numpy_type_state(&self, code: &str, state: Id) -> Result<Option<String>> {
         let parts: Vec<&Node<'_>> =
             self.items(state)?.iter().take(5).map(|&part| self.arena.get(part)).collect();

@@ -65,7 +65,7 @@ mod tests {
             (b"cargparse\nNamespace\n)\x81}X\x01\x00\x00\x00cK\x01sb", "argparse.Namespace"),
             (b"cpathlib\nPosixPath\n)}\x92", "pathlib.PosixPath"),
             (b"(cm\nOld\nK\x01o}b", "m.Old"),
-            // Functions that make functions, lists and dictionaries of foreign classes.
+            // Functions that return functions, and lists and dictionaries of unknown classes.
             (b"cfunctools\npartial\n)R)R", "functools.partial"),
             (b"ccollections\ndeque\n)R(K\x01K\x02e", "collections.deque"),
             (b"cm\nMap\n)RK\x01K\x02s", "m.Map"),
@@ -104,7 +104,7 @@ mod tests {
             (b"\x8a\x09\x00\x00\x00\x00\x00\x00\x00\x80\x00", "Float(9.223372036854776e18)"),
             (b"\x8a\x09\xff\xff\xff\xff\xff\xff\xff\xff\x00", "Float(1.8446744073709552e19)"),
             (b"\x8a\x09\x00\x00\x00\x00\x00\x00\x00\x00\xff", "Float(-1.8446744073709552e19)"),
-            // Keys of other kinds do not hide each other.
+            // Unsupported keys do not hide each other.
             (b"}(K\x01\x85K\x05K\x02\x85K\x06u", "key 0"),
         ] {
             let read = beside(value).expect(wanted);

@@ -1,4 +1,4 @@
-//! The calls that the interpreter carries out itself.
+//! The calls that the interpreter emulates.
 
 use std::borrow::Cow;
 
@@ -11,10 +11,10 @@ use crate::model::grid::Element;
 use crate::tensor::Data;
 
 impl<'a> Machine<'a, '_> {
-    /// `callable(*arguments)`. Functions that mean nothing here are not run: they make an object
-    /// that stays closed.
+    /// `callable(*arguments)`. Unsupported functions are not run: they return an object of an
+    /// unsupported kind.
     pub(super) fn call(&mut self, mut callable: Id, mut arguments: Id) -> Result<Id> {
-        // Functions that call another one, whose arguments lie in theirs.
+        // Functions that call another one, with its arguments among theirs.
         while let (Node::Global(Global::RebuildFromType), Node::Tuple(outer)) =
             (self.arena.get(callable), self.arena.get(arguments))
         {
@@ -216,15 +216,15 @@ impl<'a> Machine<'a, '_> {
         Ok(node)
     }
 
-    /// A tensor of a kind that is not read.
+    /// A tensor of an unsupported kind.
     fn unread_tensor(&mut self, kind: String, shape: Id) -> Result<Node<'a>> {
         let shape = self.counts(shape)?;
         self.arena.allowance.bytes(256 + kind.len(), &self.place)?;
         Ok(Node::UnreadTensor(format!("a tensor of {kind}"), shape))
     }
 
-    /// A mark that a tensor's numbers mean something else than they say: the key among the last
-    /// arguments of a tensor, such as `{'neg': True}`.
+    /// A flag that changes the meaning of a tensor's numbers: the key among a tensor's last
+    /// arguments, such as `{'neg': True}`.
     fn mark(&self, marks: Option<&Id>) -> Option<String> {
         let Node::Dict(marks) = self.arena.get(*marks?) else { return None };
         marks.iter().find_map(|&(key, value)| match (self.arena.get(key), self.arena.get(value)) {
@@ -234,7 +234,7 @@ impl<'a> Machine<'a, '_> {
         })
     }
 
-    /// Python's text as bytes, one byte a character.
+    /// Python's text as bytes, one byte per character.
     fn encode(&mut self, text: Id, encoding: Id) -> Result<Node<'a>> {
         let (&Node::Text(text), Node::Text("latin1" | "latin-1" | "iso-8859-1")) =
             (self.arena.get(text), self.arena.get(encoding))
@@ -274,7 +274,7 @@ impl<'a> Machine<'a, '_> {
         items.iter().map(|&item| self.count(item)).collect()
     }
 
-    /// An array that lies in the pickle.
+    /// An array inside the pickle.
     pub(super) fn numpy_array(
         &mut self,
         shape: Id,

@@ -1,4 +1,4 @@
-//! The bytes that a pickle's tensors refer to.
+//! The storages of a pickle's tensors.
 
 use crate::base::error::Result;
 use crate::model::grid::Element;

@@ -5,8 +5,8 @@ use super::node::Node;
 use crate::base::error::Result;
 
 impl Machine<'_, '_> {
-    /// A whole number of `length` bytes, two's complement, little-endian. Longer ones than 8 bytes,
-    /// such as seeds, are the nearest float.
+    /// A whole number of `length` bytes, two's complement, little-endian. Integers of more than 8
+    /// bytes, such as seeds, become the nearest float.
     pub(super) fn long(&mut self, length: u64) -> Result<()> {
         let bytes = self.take(length)?;
         let negative = bytes.last().is_some_and(|&byte| byte >= 0x80);

@@ -4,8 +4,7 @@ use crate::base::error::Result;
 use crate::model::baked::{Occupancy, Table};
 use crate::unpacked::Unpacked;
 
-/// Keeps the stored blocks of a part that `keep` says so of, by their place. The others become
-/// empty.
+/// Keeps the stored blocks of a part for whose place `keep` returns true. The others become empty.
 ///
 /// # Errors
 ///

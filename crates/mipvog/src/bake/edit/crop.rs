@@ -1,10 +1,10 @@
 //! A container that is empty outside a box.
 //!
-//! Every level spans the same box with nodes on its faces, and neighbouring levels have hardly ever
-//! a common divisor of cells. So no smaller box has nodes of all levels on its faces: the grids
-//! stay, and what is outside becomes empty. The free-space mask cuts samples at the box, the same
-//! at every level; blocks that no sample inside reads lose their frames. Samples inside read what
-//! they read before.
+//! Every level spans the same box with nodes on its faces, and the cell counts of neighbouring
+//! levels rarely have a common divisor. So no smaller box has nodes of all levels on its faces: the
+//! grids stay, and nodes outside become empty. The free-space mask cuts samples at the box, the
+//! same at every level; blocks that no sample inside reads lose their frames. Samples inside read
+//! the same values as before.
 
 use crate::base::error::{Error, Result};
 use crate::model::field::{FreeSpace, Lookup};
@@ -16,12 +16,12 @@ use super::blocks::keep_blocks;
 /// Positions this close to a face, in shares of the box, count as inside.
 const ON_FACE: f64 = 1e-6;
 
-/// Empties everything outside `asked`, world coordinates, which is widened to nodes of level 0. If
-/// there is a free-space mask, the cut is at the next node of it that lies outside.
+/// Empties everything outside the box `asked` in world coordinates, widened to nodes of level 0. A
+/// free-space mask is cut at its next node outside.
 ///
 /// # Errors
 ///
-/// [`crate::base::error::ErrorKind::InvalidOption`] for a box that is none, or that does not meet
+/// [`crate::base::error::ErrorKind::InvalidOption`] for an empty box, or one that does not overlap
 /// the container's.
 pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     let bounds = unpacked.metadata.bounds;
@@ -36,7 +36,7 @@ pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     for (axis, range) in range.iter_mut().enumerate() {
         let (low, high) = (at(asked.min[axis], axis), at(asked.max[axis], axis));
         let end = cells[axis] as f64;
-        // A face that is a node but for rounding is that node.
+        // A face that is a node up to rounding is that node.
         let slack = ON_FACE * end;
         *range = [(low + slack).floor().max(0.0) as usize, (high - slack).ceil().min(end) as usize];
         range[1] = range[1].max(range[0] + 1);
@@ -69,7 +69,7 @@ pub fn crop(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a box that is none, or that does not meet the container's.
+/// Refuses an empty box, and one that does not overlap the container's.
 pub(super) fn check_meets(asked: &Bounds, bounds: &Bounds) -> Result<()> {
     // A number that is not finite is no bound either.
     let meets = |axis: usize| {
@@ -87,8 +87,8 @@ pub(super) fn check_meets(asked: &Bounds, bounds: &Bounds) -> Result<()> {
     Err(Error::invalid_option("crop", found, expected))
 }
 
-/// A mask that is inside between `[lowest, highest]` corners. Along each axis it has two nodes that
-/// are inside, each nearest in one half, and one outside to each side: renderers look for the
+/// A mask that is inside between the corners `[lowest, highest]`. Along each axis it has two inside
+/// nodes, each the nearest one in its half, and one outside node on each side: renderers find the
 /// cells that a mask cuts by its nodes.
 fn whole_box([low, high]: [[f64; 3]; 2]) -> FreeSpace {
     let scale = [0, 1, 2].map(|axis| 2.0 * (1.0 - ON_FACE) / (high[axis] - low[axis]));
@@ -99,10 +99,11 @@ fn whole_box([low, high]: [[f64; 3]; 2]) -> FreeSpace {
     FreeSpace { nodes: Nodes([4; 3]), scale, shift, lookup }
 }
 
-/// The part of a mask that positions between the corners can look at, with nodes outside around it.
+/// The part of a mask that positions between the corners can read, surrounded by outside nodes.
 fn cropped(mask: &FreeSpace, [low, high]: [[f64; 3]; 2]) -> FreeSpace {
     let is_nearest = matches!(mask.lookup, Lookup::Nearest(_));
-    // The node before the first one that is looked at, and the nodes to the one after the last.
+    // The node before the first one that is read, and the number of nodes up to the one after the
+    // last.
     let axis = |axis: usize| {
         let at = |world: f64| world * mask.scale[axis] + mask.shift[axis];
         let (a, b) = (at(low[axis]), at(high[axis]));
@@ -117,7 +118,7 @@ fn cropped(mask: &FreeSpace, [low, high]: [[f64; 3]; 2]) -> FreeSpace {
     };
     let axes = [0, 1, 2].map(axis);
     let nodes = axes.map(|(_, count)| count);
-    // The node of the whole mask, where there is one that is looked at.
+    // The node of the whole mask, if it is one that is read.
     let own = |node: usize| {
         let inside = [node / (nodes[1] * nodes[2]), node / nodes[2] % nodes[1], node % nodes[2]];
         let mut own = 0;

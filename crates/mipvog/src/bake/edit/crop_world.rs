@@ -1,8 +1,8 @@
 //! A world that is empty outside a box.
 //!
-//! Boxes around the smallest one that holds what is kept go. Rays are sampled in the part that is
-//! kept, the same at every level, and blocks that no sample there reads lose their frames. Samples
-//! that stay read what they read before.
+//! Boxes around the smallest one that holds the kept part are dropped. Rays are sampled only in the
+//! kept part, at every level alike; blocks that no sample reads lose their frames. Remaining
+//! samples read the same values as before.
 
 use super::blocks::keep_blocks;
 use super::crop::{check_meets, crop};
@@ -19,7 +19,7 @@ const ON_NODE: f64 = 1e-4;
 ///
 /// # Errors
 ///
-/// [`crate::base::error::ErrorKind::InvalidOption`] for a box that is none, or that does not meet
+/// [`crate::base::error::ErrorKind::InvalidOption`] for an empty box, or one that does not overlap
 /// the container's.
 pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     let boxes = unpacked.metadata.boxes();
@@ -51,7 +51,7 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
             let at = |world: f32| (f64::from(world) - f64::from(bounds.min[axis])) / spacing[axis];
             let (first, last) = (at(kept.min[axis]).floor() - 1.0, at(kept.max[axis]).ceil() + 1.0);
             let end = (grid.nodes.0[axis] - 1) as f64;
-            // None where they do not meet.
+            // None if they do not meet.
             let meets = last >= 0.0 && first <= end;
             let blocks = |node: f64| node.clamp(0.0, end) as usize / grid.edge;
             meets.then(|| blocks(first)..=blocks(last))
@@ -64,8 +64,8 @@ pub fn crop_world(unpacked: &mut Unpacked, asked: &Bounds) -> Result<()> {
     Ok(())
 }
 
-/// A box, up to the next voxels of level 0, which go on beyond its box, and within the outermost
-/// one.
+/// A box, widened to voxels of level 0, which continue beyond level 0's box, and clamped to the
+/// outermost box.
 fn widened(metadata: &Metadata, within: &Bounds, outermost: &Bounds) -> Bounds {
     let (inner, nodes) = (metadata.bounds, metadata.levels[0].dimensions);
     let mut widened = *within;

@@ -1,6 +1,6 @@
 //! A container without its finest levels.
 //!
-//! Level `n` becomes level 0, and pictures that read no finer level stay what they were:
+//! Level `n` becomes level 0, and pictures that read no finer level do not change:
 //!
 //! * **Level of detail.** A footprint is measured in voxels of level 0. Those are now about `2^n`
 //!   times as long, so `log2(rho)` falls by `n`: bends move, and the bias makes up for the rest.
@@ -19,7 +19,8 @@ use crate::model::field::Activation;
 use crate::quantize::{Bits, density_encoding};
 use crate::unpacked::Unpacked;
 
-/// Axes may differ by this much in how far they shrink. More would show: one bias serves all.
+/// The axes' shrink factors may differ by this much. More would be visible, because one bias serves
+/// all axes.
 const LARGEST_SPREAD: f64 = 1.25;
 
 /// Opacity by which three roundings to f32 of a square root of optical depth may move.
@@ -30,7 +31,7 @@ const ROUNDING: f64 = 2.5e-7;
 /// # Errors
 ///
 /// [`crate::base::error::ErrorKind::InvalidOption`] where no level would stay, and where the format
-/// cannot say what is left.
+/// cannot represent the result.
 pub fn drop_finest(unpacked: &mut Unpacked, count: usize) -> Result<()> {
     let scales = drop_from_metadata(&mut unpacked.metadata, count)?;
     unpacked.levels.drain(..count);
@@ -48,8 +49,8 @@ fn keep_from(chunks: &mut Vec<OtherChunk>, count: usize) {
     chunks.iter_mut().filter_map(|chunk| chunk.level.as_mut()).for_each(|level| *level -= count);
 }
 
-/// As [`drop_finest`], of the metadata alone. Returns the scale of each remaining level's densities.
-/// Integer codes are the same after it.
+/// As [`drop_finest`], of the metadata alone. Returns the scale of each remaining level's
+/// densities. Integer codes are the same after it.
 ///
 /// # Errors
 ///
@@ -115,8 +116,9 @@ pub fn drop_from_metadata(metadata: &mut Metadata, count: usize) -> Result<Vec<f
     Ok(metadata.levels.iter_mut().zip(domains).map(scale).collect())
 }
 
-/// Makes an encoding of density or its anisotropy one over an interval that is `times` as long, and returns the scale of values.
-/// With `T` the transmittance over an interval, `T^times` moves by at most `times` as much as `T`.
+/// Makes an encoding of density or its anisotropy one over an interval that is `times` as long, and
+/// returns the scale of values. With `T` the transmittance over an interval, `T^times` moves by at
+/// most `times` as much as `T`.
 fn over_longer_interval(
     density: &mut Encoding,
     domain: DensityDomain,

@@ -5,9 +5,9 @@
 //! emptied with the faint nodes around it. Nodes around a part that stays keep their values: they
 //! shape its surface.
 //!
-//! A node of a coarser level is emptied if its average took in nodes of emptied parts, and none of
-//! the parts that stay. So a part close to another one stays in the coarser levels that cannot tell
-//! them apart.
+//! A node of a coarser level is emptied if its average includes nodes of emptied parts and none of
+//! the remaining parts. So an emptied part close to another one stays in the coarser levels that
+//! cannot resolve both.
 
 use super::blocks::keep_blocks;
 use crate::bake::report::IslandReport;
@@ -21,7 +21,7 @@ use crate::unpacked::Unpacked;
 ///
 /// # Errors
 ///
-/// Those of reading level 0.
+/// Errors of reading level 0.
 pub fn drop_islands(unpacked: &mut Unpacked, fewest: u64) -> Result<IslandReport> {
     let visible = visible_nodes(unpacked, 0)?;
     let parts = Parts::of(&visible);
@@ -36,7 +36,7 @@ pub fn drop_islands(unpacked: &mut Unpacked, fewest: u64) -> Result<IslandReport
     }
     let levels = unpacked.levels.iter().map(|level| level.table.grid().nodes);
     let sizes: Vec<Nodes> = levels.collect();
-    // The widest kernel, where the filter's is not known.
+    // The widest kernel, if the filter's is unknown.
     let weights = unpacked.metadata.filter.parse::<Filter>();
     let weights = weights.map_or_else(|_| Kernel::Mean7.weights(), |filter| filter.weights());
     let mut emptied = vec![around(&islands)?];
@@ -107,9 +107,9 @@ struct Parts {
     nodes: Nodes,
     /// Place of the row, start and end along z.
     runs: Vec<([usize; 2], usize, usize)>,
-    /// Another run of the same part, or the run itself.
+    /// Union-find parent: another run of the same part, or the run itself.
     parent: Vec<usize>,
-    /// Nodes of the part, at the run that stands for it; elsewhere 0.
+    /// Nodes of the part, at its root run; 0 at other runs.
     sizes: Vec<u64>,
 }
 

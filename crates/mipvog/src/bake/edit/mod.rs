@@ -1,6 +1,6 @@
-//! Changes to what an unpacked container holds, before it is packed again: parts that become empty
-//! (`crop`, `crop_world`, `islands`), levels that go: the finest ones (`finest`), or those of the
-//! outermost boxes of a world (`outermost`), and another place (`place`).
+//! Changes to the content of an unpacked container before it is repacked: parts that become empty
+//! (`crop`, `crop_world`, `islands`), dropped levels, finest (`finest`) or those of a world's
+//! outermost boxes (`outermost`), and another place (`place`).
 //!
 //! Values of stored nodes stay as they are, except that a rotation converts those that depend on
 //! the view direction. Emptied blocks lose their frames, emptied nodes read as the level's empty

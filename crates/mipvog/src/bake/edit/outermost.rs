@@ -1,8 +1,8 @@
 //! A world without its outermost boxes.
 //!
-//! With `K` boxes around the inner one that stay, levels 0 to `K + 1` stay: the coarser ones span a
-//! box that goes. Without any, the rest is a container of one box. Behind the boxes that stay there
-//! is the background.
+//! If `K` boxes around the inner one stay, levels 0 to `K + 1` stay: coarser levels span a dropped
+//! box. With `K` of 0, the result is a container of one box. The background shows behind the
+//! remaining boxes.
 
 use crate::base::error::{Error, Result};
 use crate::container::OtherChunk;
@@ -48,7 +48,7 @@ pub fn drop_outermost(unpacked: &mut Unpacked, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// Gives unknown chunks the new numbers of their parts, and drops those of parts that went.
+/// Renumbers unknown chunks, and drops those of dropped parts.
 fn renumber(chunks: &mut Vec<OtherChunk>, new: impl Fn(usize) -> Option<usize>) {
     chunks.retain_mut(|chunk| {
         let Some(old) = chunk.level else { return true };

@@ -1,9 +1,9 @@
 //! A container at another place: rotated, scaled and moved, in this order.
 //!
 //! * **Rotation** by multiples of 90 degrees maps nodes to nodes. The mask, the network's first
-//!   layer and everything else that depends on the view direction turn with the field. Values that
-//!   are coefficients of such functions are no longer codes of their encodings, so they get new
-//!   ones of as many bits.
+//!   layer and everything else that depends on the view direction turn with the field. Coefficients
+//!   of such functions are no longer codes of their encodings, so they get new encodings of as many
+//!   bits.
 //! * **Scale and translation** change lengths and positions. No value of a node changes: opacity is
 //!   over an interval, which is counted in voxels.
 
@@ -19,13 +19,13 @@ use crate::model::grid::{Bounds, NodeMask, Nodes};
 use crate::model::view_mlp::ViewMlp;
 use crate::unpacked::{Rotation, Unpacked};
 
-/// A face may lie off its place by this share of a voxel.
+/// Tolerance of a face's position, as a share of a voxel.
 const LARGEST_ROUNDING: f64 = 1e-2;
 
 /// Roundings to f32 of sums of coefficients may move a colour or an opacity by this much.
 const SUM_ROUNDING: f64 = 1e-6;
 
-/// Where a container is put: a point `p` goes to `scale * R p + translate`.
+/// A placement: moves a point `p` to `scale * R p + translate`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Quarter turns about the x axis, then y, then z, counterclockwise for a viewer whom the axis
@@ -65,7 +65,7 @@ impl Placement {
         !self.rotates() && !self.moves()
     }
 
-    /// The numbers that move something, as provenance and reports name them.
+    /// The numbers that have an effect, as named in provenance and reports.
     pub(in crate::bake) fn add_to_json(&self, changes: &mut Value) {
         if self.rotates() {
             changes["rotate"] = json!(self.quarter_turns.map(|turns| 90 * turns.rem_euclid(4)));
@@ -96,8 +96,8 @@ impl Placement {
 ///
 /// # Errors
 ///
-/// [`crate::base::error::ErrorKind::InvalidOption`] where coordinates of f32 cannot state the place;
-/// those of reading values.
+/// [`crate::base::error::ErrorKind::InvalidOption`] if f32 coordinates cannot represent the place;
+/// errors of reading values.
 pub fn place(
     unpacked: &mut Unpacked,
     placement: &Placement,
@@ -148,7 +148,7 @@ fn at_place(at: f32, scale: f32, translate: f32) -> f32 {
     (f64::from(at) * f64::from(scale) + f64::from(translate)) as f32
 }
 
-/// A box of so many nodes, scaled and moved.
+/// A box of this many nodes, scaled and moved.
 fn moved(bounds: &Bounds, nodes: [usize; 3], placement: &Placement) -> Result<Bounds> {
     let mut moved = *bounds;
     for axis in 0..3 {
@@ -202,11 +202,11 @@ fn rotate(unpacked: &mut Unpacked, rotation: Rotation, progress: &dyn Progress) 
     lay_directional(unpacked, progress)
 }
 
-/// Gives new encodings to values that are functions of the direction, which no longer are codes.
+/// Gives new encodings to coefficients of functions of the direction, which are no longer codes.
 fn lay_directional(unpacked: &mut Unpacked, progress: &dyn Progress) -> Result<()> {
     let metadata = &mut unpacked.metadata;
     let mut laid = metadata.clone();
-    // Other groups are neither read nor laid.
+    // Other groups are neither read nor encoded anew.
     for part in laid.parts_mut() {
         (part.diffuse, part.features) = (None, None);
     }
@@ -257,8 +257,8 @@ fn rotated_mask(mask: &FreeSpace, rotation: Rotation) -> FreeSpace {
     FreeSpace { nodes: Nodes(sizes), scale: rotation.lengths(mask.scale), shift, lookup }
 }
 
-/// Makes a network see the direction before the rotation: `d[axes[a]] = ±d'[a]`. Sines of a
-/// direction's octaves change their sign with it, cosines do not.
+/// Converts a network's input to the direction before the rotation: `d[axes[a]] = ±d'[a]`. Sines of
+/// a direction's octaves change their sign with it, cosines do not.
 fn rotate_network(network: &mut ViewMlp, rotation: Rotation) {
     let octaves = network.frequencies;
     let Some(layer) = network.layers.first_mut() else { return };

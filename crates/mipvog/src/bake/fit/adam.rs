@@ -13,8 +13,8 @@ use crate::view::sample::{Dense, NodesMut};
 
 /// Step length at the start of the square root of optical depth, in fits of up to [`FEW_STEPS`].
 const DENSITY_RATE: f32 = 0.014;
-/// With more steps, densities take shorter ones: by the root of the number, so that they can wander
-/// as far as ever. With the same length 1000 steps gain 0.15 dB less at a quarter of the size.
+/// In longer fits, the steps of density shrink with the root of their number, so that densities can
+/// move equally far. Without that, 1000 steps gain 0.15 dB less at a quarter of the size.
 const FEW_STEPS: f32 = 130.0;
 /// Step lengths at the start of logits, and of linear colours and coefficients. A step of a logit
 /// moves a colour by at most as much as one of a linear colour.
@@ -24,10 +24,10 @@ const COLOR_RATES: [f32; 2] = [0.07, 0.0175];
 const DIRECTIONAL_SHARE: f32 = 0.5;
 /// Step length of anisotropy, as a share of that of density.
 const ANISOTROPY_SHARE: f32 = 0.5;
-/// Derivatives below this share of a level's root mean square are no direction: a node that rays
-/// hardly meet must not wander as far as one that they often meet.
+/// Derivatives below this share of a level's root mean square count as noise: a node that few rays
+/// meet must not move as far as one that many rays meet.
 const LEAST_SHARE: f32 = 0.3;
-/// Density that empty nodes start with: where it is 0, so is its derivative.
+/// Initial density of empty nodes: at 0, the derivative would be 0 too.
 const SEED_DENSITY: f32 = 0.003;
 /// Largest square root of optical depth, and largest anisotropy: codes end there.
 const MAX_DENSITY: f32 = 3.9;
@@ -45,7 +45,7 @@ struct Moments<const C: usize> {
     steps: u32,
 }
 
-/// Lengths of one step, as parts of those at the start.
+/// Step lengths, as fractions of the initial ones.
 #[derive(Debug, Clone, Copy)]
 pub struct StepLength {
     density: f32,
@@ -53,7 +53,7 @@ pub struct StepLength {
 }
 
 impl StepLength {
-    /// In a fit of so many steps, of which a part is `done`, from 0 to 1.
+    /// In a fit of this many steps, of which the fraction `done` (0 to 1) is over.
     pub fn of(steps: usize, done: f32) -> Self {
         let color = fade(done);
         Self { density: color * (FEW_STEPS / steps as f32).min(1.0).sqrt(), color }
@@ -73,7 +73,7 @@ pub struct Adam<const C: usize> {
     color_rates: [f32; C],
     /// Mean squares of the first derivatives, by density and by colour.
     squares: Option<[f32; 2]>,
-    /// After so many steps, from none on.
+    /// The state after this many steps.
     lacks: Vec<[f32; 2]>,
 }
 
@@ -130,7 +130,7 @@ impl<const C: usize> Adam<C> {
         self.moments.iter().map(values).collect()
     }
 
-    /// Gives the fitted nodes a state back.
+    /// Restores a state of the fitted nodes.
     pub fn restore(&self, field: &mut Dense<C>, state: &State<C>) {
         let NodesMut { density, anisotropy, color } = field.values_mut(self.level);
         for (moments, values) in self.moments.iter().zip(state) {
@@ -241,7 +241,7 @@ fn mean_squares<const C: usize>(gradients: &[&[NodeValues<C>]], nodes: usize) ->
 }
 
 impl<const C: usize> Moments<C> {
-    /// Takes in a derivative, and returns the step.
+    /// Updates the means with a derivative, and returns the step.
     fn advance(
         &mut self,
         by: &NodeValues<C>,

@@ -63,8 +63,7 @@ impl Fitted {
         }
     }
 
-    /// The coarser levels of `field` as the filter made them: the time was over before the first
-    /// step.
+    /// The coarser levels of `field` as filtered: time ran out before the first step.
     pub(super) fn unfitted<const C: usize>(view: &View, field: &Dense<C>, count: usize) -> Self {
         let level = |level| FittedLevel {
             level,
@@ -85,7 +84,7 @@ impl Fitted {
         levels: Vec<FittedLevel>,
         cut_short: bool,
     ) -> Self {
-        // A fit that is not kept leaves it as it was.
+        // A rejected fit leaves it unchanged.
         let brightens = |level: &FittedLevel| {
             let (_, color) = field.values(level.level);
             view.directional && color.iter().any(|color| brightness(color) != [0.0; DIRECTIONAL])
@@ -111,18 +110,18 @@ impl Fitted {
         Self { values, has_directional, anisotropy, level_of_detail, levels, cut_short }
     }
 
-    /// The channels of directional brightness of `level`; none where it has no such values.
+    /// The channels of directional brightness of `level`; none if it has no such values.
     pub fn directional(&self, level: usize) -> Option<&[Vec<f32>]> {
         let channels = self.values.get(level.checked_sub(1)?)?;
         self.has_directional.then(|| &channels[channels.len() - DIRECTIONAL..])
     }
 
-    /// The channels of anisotropy of `level`; none where it has no such values.
+    /// The channels of anisotropy of `level`; none if it has no such values.
     pub fn anisotropy(&self, level: usize) -> Option<&[Vec<f32>]> {
         self.anisotropy.get(level.checked_sub(1)?).map(Vec::as_slice)
     }
 
-    /// Puts fitted values in the place of plane `x` of a channel of `level`.
+    /// Replaces plane `x` of a channel of `level` by fitted values.
     pub fn replace(&self, level: usize, x: usize, channel: usize, plane: &mut [f32]) {
         if let Some(fitted) = level.checked_sub(1).and_then(|level| self.values.get(level)) {
             plane.copy_from_slice(&fitted[channel][x * plane.len()..][..plane.len()]);

@@ -1,27 +1,27 @@
 //! The rule of levels as a curve through knots, which is learned with the levels.
 //!
-//! A straight line through `log2(rho)` that suits near pictures reads levels from afar that are too
-//! fine. So the fit starts with a curve that rises ever faster. Knots move against derivatives, in
-//! every step by little. Levels that were fitted under one curve look worse under every other at
-//! first, so a search that tries a knot's neighbours finds nothing.
+//! A line through `log2(rho)` that suits near pictures picks levels that are too fine at a
+//! distance. So the fit starts with a curve that rises ever faster. Every step moves the knots a
+//! little along their derivatives. A search over knot positions would fail: levels that were fitted
+//! under one curve look worse under any other at first.
 
 use super::moments::{Means, fade, lacks};
 use crate::model::baked::{Bends, LevelOfDetail, MOST_BENDS};
 
-/// Added to a line at each knot. Fits of two trained scenes under two dozen fixed curves were best
-/// about here at every scale.
+/// Added to a line at each knot. Among two dozen fixed curves, fits of two trained scenes were best
+/// near these at every scale.
 const RISES: [f32; MOST_BENDS + 1] = [0.1, 0.09, 0.25, 0.4, 0.9, 1.9, 3.4];
-/// Knots before this one stay: what pictures of a quarter of the size gain by moving the second
-/// one, those of half the size lose.
+/// Knots before this one stay: moving the second one trades a loss at half size for a gain at a
+/// quarter.
 const FIRST_MOVED: usize = 2;
 /// Step length of a knot's level at the start.
 const RATE: f32 = 0.004;
 /// Least slope between knots.
 const LEAST_SLOPE: f32 = 0.1;
 
-/// `log2(rho)` up to which level 0 is read alone: pictures of full size stay as they are. With 0
-/// half-size pictures lose 0.4 to 1 dB. With -0.5 those of some scenes gain 0.5 dB, and pictures of
-/// full size whose pixels are up to 0.7 voxels wide lose 0.9.
+/// `log2(rho)` up to which only level 0 is read, so that pictures of full size do not change. With
+/// 0, half-size pictures lose 0.4 to 1 dB. With -0.5, half-size pictures of some scenes gain 0.5
+/// dB, but full-size pictures with pixels up to 0.7 voxels wide lose 0.9 dB.
 const FULL_SIZE: f32 = -0.25;
 
 /// Levels at whole numbers of `log2(rho)`, from 0 on.
@@ -40,7 +40,7 @@ pub struct Curve {
 pub type ByKnots = [f32; MOST_BENDS + 1];
 
 impl Curve {
-    /// The curve that a fit starts from, around a `line`, for this many coarser levels.
+    /// The initial curve of a fit, around a `line`, for this many coarser levels.
     pub fn above(line: LevelOfDetail, coarser: usize) -> Self {
         let knots = (coarser + 1).min(MOST_BENDS + 1);
         let level = |knot: usize| {
@@ -66,14 +66,14 @@ impl Curve {
         LevelOfDetail { factor, bias, bends, ..self.line }
     }
 
-    /// The two knots that a sample's level of detail follows from, and its derivatives by them.
+    /// The two knots that determine a sample's level of detail, and its derivatives by them.
     #[inline]
     pub fn around(&self, lambda: f32) -> [(usize, f32); 2] {
         let levels = &self.levels;
         if lambda < levels[0] {
             return [(0, lambda / levels[0]), (0, 0.0)];
         }
-        // The line goes on behind the last knot.
+        // The line continues beyond the last knot.
         let last = levels.len() - 2;
         let low = (0..last).find(|&knot| lambda < levels[knot + 1]).unwrap_or(last);
         let share = (lambda - levels[low]) / (levels[low + 1] - levels[low]);
@@ -104,7 +104,7 @@ impl Curve {
         }
     }
 
-    /// Rules that are `near`, a line, up to a knot, and this curve from the next one on.
+    /// Rules that follow the line `near` up to a knot, and this curve from the next one on.
     pub fn far_rules(&self, near: LevelOfDetail) -> Vec<LevelOfDetail> {
         let mut joined = Self { full_size: near.level(FULL_SIZE), ..self.clone() };
         let rules = (0..joined.levels.len()).filter_map(|knot| {

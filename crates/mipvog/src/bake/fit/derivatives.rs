@@ -1,4 +1,4 @@
-//! The derivatives of all levels against differences of pictures.
+//! Tests of the derivatives of all levels against finite differences of pictures.
 
 use super::adam::Adam;
 use super::curve::Curve;
@@ -28,7 +28,7 @@ const STEP: f32 = 0.01;
 /// Difference of a derivative and a difference, as a share of the group's largest derivative. The
 /// differences have errors of the order of the step's square, and of thresholds that rays cross.
 const TOLERANCE: f64 = 0.01;
-/// Nodes of each level that are looked at.
+/// Number of nodes tested on each level.
 const LOOKED_AT: usize = 12;
 
 /// A half-transparent volume with waves of colour, so that every node has derivatives.

@@ -1,5 +1,5 @@
-//! Level 0's colours in half the bytes. A fit does not change them, and its rays wait for memory
-//! more than for anything else.
+//! Level 0's colours in half the bytes. A fit does not change them, and memory latency dominates
+//! the time of its rays.
 
 use crate::view::sample::{Cell, Dense};
 

@@ -9,9 +9,10 @@
 //! dL/dt_i = T_(i+1) dL/dA . c_i - (sum over j > i of w_j dL/dA . c_j + T dL/dT)
 //! ```
 //!
-//! A sample's optical depth and colour are those of two levels, mixed by its level of detail. So the
-//! derivatives by the mix are the differences of the two. The rule's knots move the level of
-//! detail. That the places of samples move as well is left out: it changes pictures by noise alone.
+//! A sample's optical depth and colour are those of two levels, mixed by its level of detail. So
+//! the derivative by the level of detail is the difference of the two, and the rule's knots
+//! determine the level of detail. Knots also move the samples, which only adds noise, so this is
+//! ignored.
 //!
 //! With anisotropy a density is `max(0, v + sum over m of a_m Y_m)`, so where it is not 0 the
 //! derivative by `a_m` is `Y_m` times that by `v`.
@@ -74,7 +75,7 @@ fn spread<const C: usize>(
 }
 
 impl<const C: usize> Rays<'_, C> {
-    /// Adds the derivatives of half of ray `number`'s squared error, times `worth`.
+    /// Adds the derivatives of half the squared error of ray `number`, times `worth`.
     pub fn differentiate(
         &self,
         scale: usize,
@@ -102,7 +103,7 @@ impl<const C: usize> Rays<'_, C> {
         by_color.iter_mut().for_each(|by| *by *= worth);
         // Back to front: the derivative by the light behind a sample.
         let mut behind = traced.left * traced.by_left * worth;
-        // Nothing depends on the density of a sample without any.
+        // At density 0, the derivative is 0.
         for sample in samples.list.iter().rev().filter(|sample| sample.weight > 0.0) {
             let colors = sample.colors.map(|number| &samples.colors[number]);
             let worth = colors.map_or(0.0, |colors| dot(&by_color, &colors.mixed));
@@ -142,7 +143,7 @@ impl<const C: usize> Rays<'_, C> {
         Some((target.picture, traced.map_or(0.0, |traced| traced.square)))
     }
 
-    /// Adds a sample's part to the derivatives of the level's nodes around it.
+    /// Adds a sample's share to the derivatives of the nodes around it.
     #[inline(always)]
     fn add(
         &self,

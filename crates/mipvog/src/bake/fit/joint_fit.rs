@@ -16,7 +16,8 @@ use crate::model::baked::LevelOfDetail;
 use crate::view::render::View;
 use crate::view::sample::Dense;
 
-/// Parts of a batch of rays that are differentiated at once; fixed, so that sums are too.
+/// Number of parts of a batch that are differentiated in parallel; fixed, so that sums are
+/// reproducible.
 const PARTS: usize = 8;
 /// Rays of a step, over all scales.
 const BATCH: usize = 13312;
@@ -28,13 +29,12 @@ const LEAST_RAYS: usize = 512;
 const STEPS_BETWEEN: usize = 25;
 /// Gain of the mean over scales between two measurements, in dB, below which the fit has stalled.
 const LEAST_GAIN: f64 = 0.005;
-/// Measurements without gain, one after another, after which a fit hurries to its end.
+/// Number of consecutive measurements without gain after which a fit shortens its schedule.
 const PATIENCE: usize = 3;
-/// Steps take one of so many samples of their rays. With all samples PSNR is higher by 0.03 dB, and
-/// a fit takes 1.15 times as long.
+/// Steps use one of this many samples of their rays. With all samples PSNR is higher by 0.03 dB,
+/// and a fit takes 1.15 times as long.
 const EVERY: u32 = 2;
-/// Part of the steps before the curve moves: levels that are still the filter's pull it to finer
-/// ones.
+/// Fraction of the steps before the curve moves: unfitted levels would pull it to finer levels.
 const FIRST_MOVE: f32 = 0.2;
 
 /// All levels' fit.
@@ -71,7 +71,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
         Self { context, view, field, finest, curve, adams }
     }
 
-    /// Fits, and keeps what is best at every scale.
+    /// Fits, and keeps the state that is best at every scale.
     pub fn run(mut self) -> Result<Fitted> {
         let FitContext { options, progress, .. } = self.context;
         let rule = SharedFilter::from(Filter::RateTent).rule();
@@ -84,9 +84,10 @@ impl<'a, const C: usize> JointFit<'a, C> {
         let nodes: Vec<usize> = self.adams.iter().map(Adam::nodes).collect();
         let mut gradients: Vec<Gradient<C>> = (0..PARTS).map(|_| Gradient::new(&nodes)).collect();
         let (mut taken, mut stalled) = (0, 0);
-        // Steps whose length is passed: more than are taken, once the fit hurries.
+        // Position in the schedule of step lengths: ahead of the steps taken once the schedule is
+        // shortened.
         let (mut passed, mut pace) = (0, 1);
-        // What is left when steps end: to measure their result, and what might be kept of it.
+        // Time reserved after the last step for measuring the result and the candidates.
         let seconds = options.seconds.unwrap_or(f64::INFINITY)
             - measurement * self.most_measurements(&unfitted) as f64;
         let first = self.spent();
@@ -107,7 +108,7 @@ impl<'a, const C: usize> JointFit<'a, C> {
                     best = self.reached(quality);
                 }
                 if stalled == PATIENCE {
-                    // Long steps hide what shorter ones gain, so the fit does not end here.
+                    // The fit does not end here: long steps hide the gain of shorter ones.
                     (stalled, pace) = (0, 2 * pace);
                 }
             }
@@ -143,10 +144,10 @@ impl<'a, const C: usize> JointFit<'a, C> {
         vec![false; self.adams.len()]
     }
 
-    /// Leaves in the field the levels with the highest mean PSNR of those that are at no scale worse
-    /// than the filter's. Candidates are all fitted levels; all but one; those from a level on,
-    /// with the filter's rule up to a knot, so that near pictures stay as they are; none. Returns
-    /// which are fitted.
+    /// Leaves the levels with the highest mean PSNR in the field, among candidates that are at no
+    /// scale worse than the filter's. Candidates are all fitted levels; all but one; those from a
+    /// level on, with the filter's rule up to a knot, so that near pictures do not change; none.
+    /// Returns which are fitted.
     fn keep_best(&mut self, unfitted: &Reached<C>, best: &mut Reached<C>) -> Result<Vec<bool>> {
         let levels = self.adams.len();
         let fits = |quality: &ScaleQuality| quality.is_nowhere_below(&unfitted.quality);
@@ -198,8 +199,8 @@ impl<'a, const C: usize> JointFit<'a, C> {
         }
     }
 
-    /// One step of all levels. Squared errors count by the inverse of their scale's mean, so that a
-    /// decibel is worth the same at every scale.
+    /// One step of all levels. Squared errors are divided by their scale's mean, so that a decibel
+    /// counts the same at every scale.
     fn step(
         &mut self,
         gradients: &mut [Gradient<C>],

@@ -1,8 +1,8 @@
-//! Pixels of target pictures in the order of the places that they show.
+//! Pixels of target pictures, sorted by the position that they show.
 //!
 //! A step takes one ray from each of many equal parts of this order. So its rays are spread evenly
-//! over what pictures show, which leaves less to chance, and one ray reads nodes near those of the
-//! ray before it, which are still in a processor's caches.
+//! over the visible surface, which lowers the variance. Consecutive rays read nearby nodes, which
+//! are still in the processor's caches.
 
 use glam::DVec3;
 
@@ -35,7 +35,7 @@ impl MortonPixels {
         self.pixels.is_empty()
     }
 
-    /// A pixel of one of `parts` equal parts of the order; there must be any.
+    /// A pixel from one of `parts` equal parts of the order, which must not be empty.
     pub fn draw(&self, random: u64, [part, parts]: [usize; 2]) -> [u32; 2] {
         let end = |part: usize| (part as u64 * self.pixels.len() as u64 / parts as u64) as usize;
         let (start, length) = (end(part), (end(part + 1) - end(part)).max(1));
@@ -43,8 +43,8 @@ impl MortonPixels {
     }
 }
 
-/// The number of a place in the box along a curve that fills it (Z-order, Morton 1966): places with
-/// numbers near each other lie near each other, for the most part.
+/// The number of a place along a space-filling curve (Z-order, Morton 1966): places with close
+/// numbers are mostly close to each other.
 pub fn code(bounds: &Bounds, place: DVec3) -> u32 {
     let extent = bounds.extent();
     let place = place.to_array();
@@ -74,7 +74,7 @@ mod tests {
         assert_eq!(drawn(0, 1), (0..10).map(|i| 10 * i).collect::<Vec<_>>());
         let thirds: Vec<u32> = (0..3).flat_map(|part| drawn(part, 3)).collect();
         assert_eq!(thirds, drawn(0, 1));
-        // More parts than pixels: each draws its nearest pixel.
+        // With more parts than pixels, each part draws its nearest pixel.
         let of_forty: Vec<u32> = (0..40).flat_map(|part| drawn(part, 40)).collect();
         assert_eq!(of_forty, (0..40).map(|part| part / 4 * 10).collect::<Vec<_>>());
     }
@@ -92,7 +92,7 @@ mod tests {
                 }
             }
         }
-        // Places outside the box count as its faces.
+        // Places outside the box are clamped to its faces.
         assert_eq!(octant(-9.0, 9.0, 9.0), 6);
         assert_eq!(code(&bounds, DVec3::new(9.0, 9.0, 9.0)), (1 << (3 * BITS)) - 1);
     }

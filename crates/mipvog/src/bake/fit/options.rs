@@ -1,4 +1,4 @@
-//! The choices that a fit has.
+//! Options of a fit.
 
 use std::path::Path;
 
@@ -9,7 +9,8 @@ use crate::model::camera::Camera;
 pub struct FitOptions<'a> {
     /// Steps, at most, each of which moves all levels.
     pub steps: usize,
-    /// Seconds in all; none is without bound. The result of a bounded fit depends on the machine.
+    /// Time limit in seconds; none is unlimited. The result of a bounded fit depends on the
+    /// machine.
     pub seconds: Option<f64>,
     /// Cameras of the target pictures; without any, spheres around the box.
     pub cameras: &'a [Camera],

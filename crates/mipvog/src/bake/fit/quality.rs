@@ -1,9 +1,9 @@
-//! How right rays of held-out pictures are.
+//! Quality of the rays of held-out pictures.
 //!
-//! Each scale has two numbers. PSNR of all its rays is what steps gain. The mean of its pictures'
-//! PSNR is what two fields are compared by later. A picture that shows a thin box from its edge
-//! counts little in the one and as much as any other in the other. So a fit has to be no worse in
-//! both.
+//! Each scale has two numbers. Steps optimize the PSNR of all its rays. Later comparisons of two
+//! fields use the mean of its pictures' PSNR. A picture that shows a thin box from its edge counts
+//! little in the first and as much as any other in the second. So a fit must not be worse in
+//! either.
 
 use super::gradient::Gradient;
 use super::target::Windows;
@@ -14,7 +14,7 @@ use crate::base::progress::Progress;
 
 /// Rays of each scale, a multiple of [`PARTS`].
 const RAYS: usize = 2048;
-/// Parts of them that are traced at once; fixed, so that sums are too.
+/// Number of parts that are traced in parallel; fixed, so that sums are reproducible.
 const PARTS: usize = 8;
 
 /// PSNR of held-out rays, in dB.
@@ -27,7 +27,7 @@ pub struct ScaleQuality {
 }
 
 impl ScaleQuality {
-    /// Of the field that `rays` pass.
+    /// The quality of the field that `rays` pass through.
     ///
     /// # Errors
     /// `Cancelled`.

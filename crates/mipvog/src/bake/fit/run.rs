@@ -16,10 +16,10 @@ use crate::view::render::{Renderer, TrainedLevels, View, with_lanes};
 use crate::view::sample::Stored;
 
 /// Fits the coarser `levels` of `field`. Only nodes in `retained`, one set for each level, change.
-/// `masked` says whether renderers will have the free-space mask.
+/// `masked` is true if renderers will have the free-space mask.
 ///
 /// # Errors
-/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` where the pictures do
+/// `Malformed` for a field or cameras that cannot be rendered, `OverLimit` if the pictures do
 /// not fit in the memory of `limits`, `Cancelled`.
 pub fn fit(
     field: &RadianceField,
@@ -58,7 +58,7 @@ pub fn fit(
     with_lanes!(values, stored => context.fit(view, stored))
 }
 
-/// Asks for the end of the work when the seconds of a fit are over, too.
+/// Also requests a stop when the time limit of a fit has passed.
 struct Deadline<'a> {
     clock: Instant,
     seconds: Option<f64>,
@@ -88,7 +88,7 @@ impl Progress for Deadline<'_> {
     }
 }
 
-/// The filter's levels, where there was no time for a step.
+/// The filter's levels, if there was no time for a step.
 fn unfitted<const C: usize>(
     view: &View,
     stored: &Stored<C>,

@@ -1,6 +1,6 @@
-//! Mean colours of windows of a picture, each from four numbers (summed-area table, Crow 1984).
+//! Mean colours of windows of a picture, each from four sums (summed-area table, Crow 1984).
 
-/// Colours of 0 to 1 are summed as whole numbers up to this one, at most: f32 holds them.
+/// Colours of 0 to 1 are summed as integers up to this one, which f32 represents exactly.
 const FINEST_UNIT: usize = 1 << 20;
 
 /// A picture's colours, summed over the pixels above and left of each corner of a pixel.
@@ -8,7 +8,7 @@ const FINEST_UNIT: usize = 1 << 20;
 pub struct SummedArea {
     /// Corners in a row: one more than pixels.
     corners: usize,
-    /// Modulo `2^32`, as are differences of them: a window's own sum is below.
+    /// Modulo `2^32`, as are their differences; the sum of one window is smaller.
     sums: Vec<[u32; 3]>,
     /// A colour of 1.
     unit: usize,

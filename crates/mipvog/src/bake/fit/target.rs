@@ -1,8 +1,8 @@
 //! The pictures that coarser levels are fitted to.
 //!
-//! A *window* is a square of a picture's pixels: one pixel of a picture that many times smaller. Its
-//! mean colour is what one ray through its middle should have. Windows start at any pixel, so a ray
-//! passes nodes at every position.
+//! A *window* is a square of a picture's pixels: one pixel of a picture that many times smaller.
+//! Its mean colour is the target of one ray through its middle. Windows start at any pixel, so rays
+//! pass nodes at every offset.
 
 use std::path::Path;
 
@@ -19,12 +19,12 @@ use crate::model::grid::Bounds;
 use crate::view::compare::photograph;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
-/// Cameras of pictures for small windows; of given ones this many are taken.
+/// Cameras of pictures for small windows; also the number of given cameras that are used.
 const NEAR_CAMERAS: usize = 48;
-/// Cameras of pictures for large windows alone: a small picture of the field has so few windows
-/// that only more directions tell more of it.
+/// Cameras of pictures for large windows alone: small pictures have few windows, so only more
+/// directions add information.
 const FAR_CAMERAS: usize = 128;
-/// Pixels of pictures for small windows along one of those for large windows.
+/// Pixels of the pictures for small windows along one pixel of those for large windows.
 const FAR_REDUCTION: usize = 2;
 /// Pixels of a large window, at least, along each side.
 const LEAST_SIDE: usize = 4;
@@ -51,7 +51,7 @@ struct Picture {
 #[derive(Debug)]
 struct Series {
     pictures: Vec<Picture>,
-    /// Pixels that show anything, for steps and for validation.
+    /// Pixels that are not background, for steps and for validation.
     shown: [MortonPixels; 2],
     /// Pixels of the finest series along one of this.
     reduction: usize,
@@ -68,12 +68,12 @@ pub struct Targets {
     pub pictures: usize,
 }
 
-/// The windows that a ray is drawn from.
+/// The set of windows from which a ray is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Windows {
-    /// Those of validation.
+    /// Windows for validation.
     Validation,
-    /// Those of steps: of so many parts of their order, this one.
+    /// Windows for steps: this one of this many parts of the pixel order.
     Part(usize, usize),
 }
 
@@ -91,11 +91,11 @@ pub struct Target {
 }
 
 impl Targets {
-    /// Targets for `coarser` levels: from the given cameras, or from around the box; photographs, or
-    /// pictures of level 0.
+    /// Targets for `coarser` levels: from the given cameras, or from around the box; photographs,
+    /// or pictures of level 0.
     ///
     /// # Errors
-    /// Cameras that cannot be rendered, photographs that cannot be read, `OverLimit` where pictures
+    /// Cameras that cannot be rendered, photographs that cannot be read, `OverLimit` if pictures
     /// do not fit in the memory of `limits`, `Cancelled`.
     pub fn new(
         field: &Renderer,
@@ -119,7 +119,7 @@ impl Targets {
             }
         };
         let mut series = vec![(cameras(NEAR_CAMERAS, 1), 1)];
-        // The same cameras again would tell nothing.
+        // The same cameras again would add nothing.
         if given.is_empty() || (given.len() > NEAR_CAMERAS && photographs.is_none()) {
             series.push((cameras(FAR_CAMERAS, FAR_REDUCTION), FAR_REDUCTION));
         }
@@ -134,7 +134,7 @@ impl Targets {
         }
         let count: usize = series.iter().map(|(cameras, _)| cameras.len()).sum();
         progress.begin(Step::Targets, count as u64);
-        // Steps see windows between two scales, too.
+        // Steps also use windows between two scales.
         let largest = (3usize << coarser).pow(2);
         let mut rendered = 0;
         let mut render_series = |(cameras, reduction): (Vec<Camera>, usize)| {
@@ -187,7 +187,7 @@ impl Targets {
         let shorter = width.min(height);
         let random = scramble(random);
         let side = match random & 1 {
-            // Steps see sizes between those of scales, too.
+            // Steps also use window sizes between the scales.
             1 if !validates && (3 << scale) / series.reduction <= shorter => 3 << scale,
             _ => 2 << scale,
         };
@@ -208,7 +208,8 @@ impl Targets {
         Some(Target { ray: ray(x, y), aside, color, picture: picture.number })
     }
 
-    /// One of the series whose windows of a scale have enough pixels, drawn by numbers of pictures.
+    /// A series whose windows at this scale have enough pixels, drawn in proportion to its
+    /// pictures.
     fn series_of(&self, scale: usize, random: u64) -> &Series {
         let usable = |series: &&Series| {
             series.reduction == 1 || (2 << scale) / series.reduction >= LEAST_SIDE
@@ -226,7 +227,7 @@ impl Targets {
 }
 
 impl Series {
-    /// Pixels to draw from; where none are for validation, those of steps.
+    /// Pixels to draw from: those for validation, or those for steps if there are none.
     fn shown(&self, validates: bool) -> Option<&MortonPixels> {
         let [steps, validation] = &self.shown;
         let shown = if validates && !validation.is_empty() { validation } else { steps };
@@ -234,12 +235,12 @@ impl Series {
     }
 }
 
-/// True for pictures that no step uses. A set of them needs more pictures than one.
+/// True for held-out pictures, which no step uses. A single picture is never held out.
 pub fn is_held_out(picture: usize) -> bool {
     picture % VALIDATION == VALIDATION - 1
 }
 
-/// What a camera sees.
+/// The picture of a camera.
 struct Shot {
     camera: Camera,
     /// Colour over the background.
@@ -259,7 +260,7 @@ impl Shot {
             if left >= 0.9999 {
                 return EMPTY;
             }
-            // Light that passes the field counts at its far end.
+            // Light that passes through the field has the depth of its far end.
             let passed = left * view.march.far.unwrap_or(0.0);
             let distance = f64::from((frame.distance[pixel] - passed) / (1.0 - left));
             let (x, y) = (pixel % frame.width, pixel / frame.width);
@@ -290,7 +291,7 @@ impl Shot {
     }
 }
 
-/// A given camera with a picture of the size that levels are made for.
+/// A given camera, resized to the pictures that levels are made for.
 fn fitting(camera: &Camera, side: usize) -> Camera {
     let Lens { width, height, .. } = camera.lens;
     let scale = side as f64 / width.max(height) as f64;
@@ -313,7 +314,7 @@ fn around(bounds: &Bounds, side: usize, count: usize) -> impl Iterator<Item = Ca
         let around = 2.399_963_229_728_653 * i as f64;
         let flat = (1.0 - up * up).sqrt();
         let back = DVec3::new(libm::cos(around) * flat, libm::sin(around) * flat, up);
-        // Distances over an octave, so that footprints are of every size.
+        // Distances span an octave, so that footprints have every size.
         let [near, far] = DISTANCES;
         let share = ((i * 5) % count) as f64 / count as f64;
         let distance = radius / HALF_VIEW * (near + (far - near) * share);
@@ -321,7 +322,7 @@ fn around(bounds: &Bounds, side: usize, count: usize) -> impl Iterator<Item = Ca
     })
 }
 
-/// A well mixed number (the finalizer of SplitMix64, Steele et al. 2014).
+/// A hash (the finalizer of SplitMix64, Steele et al. 2014).
 fn scramble(number: u64) -> u64 {
     let mut z = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,7 +1,6 @@
 //! One ray: its samples in packets, and its squared error.
 //!
-//! A packet's densities are read before any of its colours, so that a processor waits for many
-//! addresses at once.
+//! All densities of a packet are read before any colour, so that cache misses overlap.
 
 use multiversion::multiversion;
 
@@ -17,7 +16,7 @@ use crate::model::view_mlp::Workspace;
 use crate::view::render::{ColorRule, Path, Route, RouteSample, View};
 use crate::view::sample::{Cell, Dense, SampleLevels};
 
-/// Optical depth from which a ray ends: a part in 400 of the light is left.
+/// Optical depth at which a ray ends: 1/400 of the light is left.
 const OPAQUE_DEPTH: f32 = 6.0;
 /// Samples of a packet.
 const PACKET: usize = 16;
@@ -26,7 +25,7 @@ const PACKET: usize = 16;
 pub struct Rays<'a, const C: usize> {
     /// The rules.
     pub view: &'a View,
-    /// All levels as they are now, but for the colours of level 0.
+    /// All levels in their current state, except the colours of level 0.
     pub field: &'a Dense<C>,
     /// The colours of level 0.
     pub finest: &'a Finest<C>,
@@ -36,7 +35,7 @@ pub struct Rays<'a, const C: usize> {
     pub numbers: &'a [&'a [u32]],
     /// The rule of levels.
     pub curve: &'a Curve,
-    /// One of so many samples is taken, for the intervals of all.
+    /// One of this many samples is used, and stands for the intervals of all.
     pub every: u32,
 }
 
@@ -44,7 +43,7 @@ pub struct Rays<'a, const C: usize> {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Part {
     pub level: usize,
-    /// Its share of the sample; 0 where the sample does not read the level.
+    /// Its share of the sample; 0 if the sample does not read the level.
     pub share: f32,
     pub cell: Cell,
     /// Interpolated density in the direction of the ray.
@@ -61,7 +60,7 @@ pub struct Sampled {
     pub deeper: f32,
     /// Light left behind it.
     pub left: f32,
-    /// The number of its colours; none where its weight is too small to add any.
+    /// The index of its colours; none if its weight is too small.
     pub colors: Option<usize>,
 }
 
@@ -83,7 +82,7 @@ pub struct Samples<const C: usize> {
     network: Workspace,
 }
 
-/// A ray's squared error and what it follows from.
+/// A ray's squared error and its intermediate results.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced<'a, const C: usize> {
     /// Derivative of half the squared error by the accumulated colour.
@@ -94,7 +93,7 @@ pub struct Traced<'a, const C: usize> {
     pub left: f32,
     /// The squared error, over three channels.
     pub square: f32,
-    /// How values became colours.
+    /// The activation of the colours.
     pub rule: ColorRule<'a>,
     /// Values of the functions of anisotropy.
     pub along: [f32; ANISOTROPY],
@@ -141,7 +140,7 @@ fn composite<const C: usize>(
 }
 
 impl<'a, const C: usize> Rays<'a, C> {
-    /// Composites a ray, leaving its samples in `samples`. None where it misses the box.
+    /// Composites a ray, leaving its samples in `samples`. None if it misses the box.
     pub fn trace(&self, target: &Target, samples: &mut Samples<C>) -> Option<Traced<'a, C>> {
         follow(self, target, samples)
     }
@@ -184,7 +183,7 @@ impl<'a, const C: usize> Rays<'a, C> {
         Some(traced)
     }
 
-    /// Reads, composites and empties a packet. Samples behind opaque ones are left out.
+    /// Reads, composites and empties a packet. Samples behind opaque ones are skipped.
     #[inline(always)]
     fn composite(
         &self,
@@ -275,8 +274,8 @@ impl<'a, const C: usize> Rays<'a, C> {
         colors
     }
 
-    /// Optical depths of a packet's samples; and by how much each one's coarser part is deeper than
-    /// its finer part, over one interval.
+    /// Optical depths of a packet's samples, and for each the optical depth of the coarser part
+    /// minus that of the finer part, over one interval.
     #[inline(always)]
     fn optical_depths(&self, samples: &[Sampled]) -> [[f32; PACKET]; 2] {
         let (mut density, mut share) = ([[0.0f32; PACKET]; 2], [[0.0f32; PACKET]; 2]);
@@ -351,7 +350,7 @@ impl<'a, const C: usize> Rays<'a, C> {
     }
 }
 
-/// Bits of the direction that are as good as random.
+/// Pseudo-random bits from the direction.
 fn as_good_as_random(ray: &Ray) -> u32 {
     (ray.direction.x.to_bits() ^ ray.direction.y.to_bits()) as u32 >> 8
 }

@@ -1,4 +1,4 @@
-//! The forecast of a bake with a world: those of its boxes, together.
+//! The forecast of a bake with a world: the sum of the forecasts of its boxes.
 
 use super::{World, check};
 use crate::bake::report::Stages;
@@ -12,7 +12,7 @@ use crate::model::field::RadianceField;
 ///
 /// # Errors
 ///
-/// As those of a bake.
+/// As for a bake.
 pub fn forecast(
     field: &RadianceField,
     options: &BakeOptions,
@@ -44,8 +44,7 @@ pub fn forecast(
     Ok(all)
 }
 
-/// Adds the next larger box: work adds up, and memory is that of the largest beside all that is
-/// held.
+/// Adds the next larger box. Work adds up; memory is that of the largest box plus everything held.
 fn add(all: &mut Forecast, mut found: Forecast, number: usize) {
     let sum = |a: Option<f64>, b: Option<f64>| Some(a? + b?);
     let most = |a: Option<u64>, b: Option<u64>| Some(a?.max(b?));

@@ -1,4 +1,4 @@
-//! What a box holds inside the next smaller one: the level that was made there.
+//! The content of a box inside the next smaller one: the level that was made there.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::quantize::FrameShape;
 use crate::unpacked::fill_plane;
 use mipvog_format::sample::split;
 
-/// Nodes that lie no farther than this beyond a face, in their spacing, lie on it.
+/// Nodes at most this far beyond a face, relative to their spacing, lie on it.
 const ON_FACE: f64 = 1e-3;
 
 /// The decoded level of the next smaller box.
@@ -29,10 +29,10 @@ pub struct InnerLevel {
 }
 
 impl InnerLevel {
-    /// Of level 1 of a box that spans `bounds`.
+    /// For level 1 of a box that spans `bounds`.
     ///
     /// # Errors
-    /// Those of reading compressed runs.
+    /// Errors of reading compressed runs.
     pub fn new(metadata: &Metadata, encoded: &[EncodedLevel], bounds: Bounds) -> Result<Self> {
         let layout = metadata.layout();
         let (own, coded) = (&metadata.levels[1], &encoded[1]);
@@ -130,7 +130,7 @@ fn within(lattice: &Lattice, smaller: &Bounds, axis: usize) -> std::ops::Range<u
     first..end.clamp(first, lattice.nodes.0[axis])
 }
 
-/// Drops nodes of which all cells around them lie within a smaller box.
+/// Drops nodes whose surrounding cells all lie within a smaller box.
 pub fn hollow(retained: &mut NodeMask, lattice: &Lattice, smaller: &Bounds) {
     // A cell that reaches over a face has a corner on the other side.
     let [xs, ys, zs] = [0, 1, 2].map(|axis| {
@@ -176,7 +176,7 @@ struct WithInner {
     grid: Grid,
     lattice: Lattice,
     inner: Arc<InnerLevel>,
-    /// The grid's first channel among all of the field.
+    /// The index of the grid's first channel in the field.
     first: usize,
 }
 

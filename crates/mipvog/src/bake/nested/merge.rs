@@ -1,4 +1,4 @@
-//! Boxes that were packed one by one, as the parts of one container.
+//! Joins boxes that were packed one by one into one container.
 
 use crate::bake::PruneReport;
 use crate::bake::report::prune_reports;
@@ -6,7 +6,7 @@ use crate::container::EncodedLevel;
 use crate::levels::Visible;
 use crate::model::baked::{LevelMetadata, Metadata};
 
-/// What is known of a box beside its levels.
+/// Facts about a box beside its levels.
 pub struct BoxRecord {
     pruned: Vec<PruneReport>,
     nonfinite: u64,
@@ -14,7 +14,7 @@ pub struct BoxRecord {
 }
 
 impl BoxRecord {
-    /// Of a box whose visible nodes are known, and in which so many values were not finite.
+    /// For a box with known visible nodes, in which this many values were not finite.
     pub fn new(visible: &Visible, nonfinite: u64) -> Self {
         let pruned = prune_reports(visible, 0);
         Self { pruned, nonfinite, density_checksums: visible.density_checksums.clone() }

@@ -8,15 +8,15 @@
 //!
 //! Each box is baked as a field of its own: its values are those of its shell, and inside the next
 //! smaller box those of the level that was just made there ([`inner`]). So filters, visibility,
-//! pruning, ranges, directional terms and inherited blocks are those of one box, and work across the
-//! faces of the smaller ones. A shell's blocks are kept where one of their cells lies outside the
-//! smaller box.
+//! pruning, ranges, directional terms and inherited blocks are those of one box, and work across
+//! the faces of the smaller ones. A shell's blocks are kept where one of their cells lies outside
+//! the smaller box.
 //!
-//! The interval of box `m` is `2^m` times that of the field: opacities, their errors and the bound
-//! of pruning are over the steps that are taken there.
+//! The interval of box `m` is `2^m` times that of the field: opacities, their errors and the
+//! pruning threshold are over the step length in that box.
 //!
-//! Light, by which colours of coarser levels count, also comes from empty space in the box: what is
-//! seen of a world is seen from inside.
+//! The light that weights colours of coarser levels also comes from empty space in the box, because
+//! a world is seen from inside.
 
 mod forecast;
 mod inner;
@@ -49,7 +49,7 @@ use crate::model::grid::Bounds;
 ///
 /// # Errors
 ///
-/// Those of a bake, and options that a world does not have.
+/// Errors of a bake, and options that worlds do not support.
 pub fn bake(
     field: &RadianceField,
     options: &BakeOptions,
@@ -88,7 +88,7 @@ pub fn bake(
     })
 }
 
-/// Refuses what a world does not have.
+/// Refuses options that worlds do not support.
 fn check(field: &RadianceField, options: &BakeOptions) -> Result<()> {
     let filter = &*options.filter;
     let averages_alpha = filter.blend() == Blend::AfterActivation && !filter.is_fitted();
@@ -124,7 +124,7 @@ impl World<'_> {
                 false => Some(2),
             };
             let mut options = self.own_options(number);
-            // What is held of the smaller boxes leaves less to this one.
+            // Memory held for the smaller boxes is subtracted.
             options.memory = options.memory.map(|memory| memory.saturating_sub(held));
             let smaller = number.checked_sub(1).map(|smaller| self.bounds_of(smaller));
             let packed = self.pack_box(&own, &options, smaller, levels, precision)?;
@@ -166,7 +166,7 @@ impl World<'_> {
         Ok(own)
     }
 
-    /// The options of a box. Cameras look at the innermost one; what is far is kept as it is.
+    /// The options of a box. Options for cameras apply to the innermost box only.
     fn own_options(&self, number: usize) -> BakeOptions {
         let options = self.options.clone();
         match number {
@@ -175,7 +175,7 @@ impl World<'_> {
         }
     }
 
-    /// Prunes, filters and encodes one box: of its levels so many at most.
+    /// Prunes, filters and encodes one box, with at most this many levels.
     fn pack_box(
         &mut self,
         own: &RadianceField,
@@ -192,7 +192,7 @@ impl World<'_> {
         importance.truncate(count);
         if let Some(smaller) = smaller {
             inner::hollow(&mut visible.levels[0].retained, &own.lattice(), &smaller);
-            // The far is seen from inside: nobody looks behind the sky.
+            // Distant parts are seen from inside only: nobody looks behind the sky.
             visible.drop_unlit()?;
         }
         if options.keeps_blocks() {
@@ -208,7 +208,7 @@ impl World<'_> {
             pipelined: memory.pipelined,
             is_window: false,
         };
-        // Runs of all boxes wait until the last one is there.
+        // Runs of all boxes wait for the last one.
         let boxes = self.field.shells.len() as u64 + 1;
         let store = RunStore::new(memory.run_bytes / boxes, self.folder);
         let packing = packing(options, precision, &source, &visible, &importance, Some(&store));
@@ -218,7 +218,7 @@ impl World<'_> {
         Ok((metadata, encoded, record))
     }
 
-    /// The best container of at most so many bytes.
+    /// The best container of at most this many bytes.
     fn within(&mut self, bytes: u64, origin: &Origin) -> Result<(Merged, Chosen)> {
         let (field, options) = (self.field, self.options);
         max_bytes::search(bytes, 1, |_, factor| {

@@ -1,7 +1,7 @@
 //! Cameras of COLMAP's sparse models: `cameras.bin` and `images.bin`, or the same as `.txt`.
 //!
-//! An image states how the world is turned and moved into its camera's axes, which are right, down
-//! and forwards:
+//! An image states the rotation and translation from the world to its camera's axes, which point
+//! right, down and forwards:
 //!
 //! ```text
 //! p of the camera = R(q) p of the world + t
@@ -44,9 +44,9 @@ const IMAGE: usize = 4 + 7 * 8 + 4;
 const LONGEST_NAME: usize = 4096;
 /// Bytes of a point of an image.
 const POINT: u64 = 24;
-/// Folders of pictures, seen from that of a model.
+/// Folders of pictures, relative to the model's folder.
 const PICTURES: [&str; 3] = ["images", "../images", "../../images"];
-/// Rotations are unit quaternions but for this.
+/// Tolerance of the norm of rotation quaternions.
 const ROUNDING: f64 = 1e-2;
 
 /// True for the name of a file of a model.
@@ -92,7 +92,7 @@ type Lenses = BTreeMap<u32, Lens>;
 fn lens(model: &str, size: [u64; 2], parameters: &[f64], place: &Place) -> Result<Lens> {
     let mut values =
         vec![("camera_model", json!(model)), ("w", json!(size[0])), ("h", json!(size[1]))];
-    // What is no model of ours is refused by its name, frame by frame.
+    // Unsupported camera models are refused by name, frame by frame.
     if let Some((_, names)) = MODELS.iter().find(|(name, _)| *name == model) {
         if names.len() != parameters.len() {
             let found = format!("{} parameters of a {model}", parameters.len());
@@ -112,7 +112,7 @@ struct Image {
 }
 
 impl Image {
-    /// Of the numbers of an image: a quaternion, its real part first, and a translation.
+    /// From the numbers of an image: a quaternion, real part first, and a translation.
     fn new(numbers: [f64; 7], camera: u32, name: String) -> Self {
         let [w, x, y, z, right, down, forwards] = numbers;
         Self { rotation: [x, y, z, w], translation: [right, down, forwards], camera, name }
@@ -212,7 +212,7 @@ fn text_images(text: &str) -> Result<Vec<Image>> {
         let first = words.text("the name of a picture")?;
         let name = [first].into_iter().chain(words.words).collect::<Vec<_>>().join(" ");
         images.push(Image::new(numbers, camera, name));
-        // Its points, of which there may be none.
+        // Its points; the list may be empty.
         lines.next();
     }
     Ok(images)

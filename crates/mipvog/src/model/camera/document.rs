@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::base::error::{Error, Place, Result};
 use crate::base::text::{is_quoted_number, quoted_numbers};
 
-/// Names of values that are read, in a file and in its frames. All others may be anything.
+/// Names of the values that are read, in a file and in its frames. All other values are ignored.
 const NAMES: [&str; 47] = [
     "file_path",
     "transform_matrix",
@@ -65,17 +65,17 @@ const NAMES: [&str; 47] = [
 pub(super) struct Fields(BTreeMap<&'static str, Value>);
 
 impl Fields {
-    /// Of values by their names, of which the last ones count.
+    /// From values by name; the last one of a name counts.
     pub(super) fn of(values: impl IntoIterator<Item = (&'static str, Value)>) -> Self {
         Self(values.into_iter().collect())
     }
 
-    /// A value that is stated, and not as null.
+    /// A value that is present and not null.
     pub(super) fn get(&self, name: &str) -> Option<&Value> {
         self.0.get(name).filter(|value| !value.is_null())
     }
 
-    /// A number that is stated.
+    /// A number that is present.
     ///
     /// # Errors
     /// `Malformed` for other values, and for numbers that are not finite.
@@ -91,7 +91,7 @@ impl Fields {
         let Some(&known) = NAMES.iter().find(|&&known| known == name) else {
             return map.next_value::<IgnoredAny>().map(|_| ());
         };
-        // A path of nerfstudio's viewer is known by its name alone.
+        // A camera path of nerfstudio's viewer is recognized by this key alone.
         let value = match known {
             "camera_path" => map.next_value::<IgnoredAny>().map(|_| Value::Bool(true))?,
             _ => map.next_value()?,
@@ -159,14 +159,14 @@ impl<'de> Deserialize<'de> for Fields {
     }
 }
 
-/// A camera file as it is written.
+/// A parsed camera file.
 #[derive(Debug, Default)]
 pub(super) struct Document {
     /// Values for all frames.
     pub(super) all: Fields,
     /// The frames, where there are any.
     pub(super) frames: Option<Vec<Fields>>,
-    /// True of a list of frames alone, as `ns-export cameras` writes it.
+    /// True for a bare list of frames, as `ns-export cameras` writes it.
     pub(super) is_list: bool,
 }
 
@@ -211,7 +211,7 @@ impl<'de> Deserialize<'de> for Document {
 }
 
 impl Document {
-    /// Of frames that state all of their values.
+    /// From frames that state all of their values.
     ///
     /// # Errors
     /// `Malformed` for no frames.
@@ -226,7 +226,7 @@ impl Document {
     pub(super) fn read(text: &str) -> Result<Self> {
         let document: Self = serde_json::from_str(&quoted_numbers(text)).map_err(|error| {
             match text.trim_start().chars().next() {
-                // Comments, which JSON has none of, are a mistake in a file of the right kind.
+                // Comments, which JSON does not have, are a mistake in a file of the right kind.
                 Some('{' | '/' | '#') => {}
                 Some('[') if !error.is_data() => {}
                 _ => return other_kind("another file"),
@@ -256,7 +256,7 @@ impl Document {
     }
 }
 
-/// The error for a file that a camera file was expected to be. Nothing is wrong with it.
+/// The error for a valid file that is not a camera file.
 fn other_kind(found: &str) -> Error {
     Error::wrong_kind(found, "a camera file: JSON with frames")
         .advise("name a camera file: NeRF-synthetic's transforms.json, or nerfstudio's")

@@ -6,7 +6,7 @@ use super::document::{Fields, kind};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits;
 
-/// Models of cameras whose pixels lie on a plane, but for distortion.
+/// Camera models that are pinholes apart from distortion.
 const PINHOLES: [&str; 7] = [
     "PINHOLE",
     "SIMPLE_PINHOLE",
@@ -16,7 +16,7 @@ const PINHOLES: [&str; 7] = [
     "SIMPLE_RADIAL",
     "RADIAL",
 ];
-/// Values that say by their name alone what a camera is.
+/// Keys that determine the kind of a camera by their presence.
 const MARKS: [&str; 10] = [
     "is_fisheye",
     "fisheye",
@@ -90,7 +90,8 @@ impl<'a> FrameLens<'a> {
         self.frame.get(name).or_else(|| self.all.get(name))
     }
 
-    /// A number of the frame or else of the file, where 0 stands for a value that each frame has.
+    /// A number of the frame, or else of the file. In the file, 0 means that each frame has its
+    /// own.
     fn number(&self, name: &str) -> Result<Option<f64>> {
         let own = self.frame.number(name, self.place)?;
         own.map_or_else(|| self.of_file(name), |own| Ok(Some(own)))
@@ -100,7 +101,7 @@ impl<'a> FrameLens<'a> {
         Ok(self.all.number(name, self.place)?.filter(|&number| number != 0.0))
     }
 
-    /// Refuses cameras whose pixels are not those of a pinhole. The only place that decides it.
+    /// Refuses cameras whose pixels are not those of a pinhole. This is the only such check.
     ///
     /// # Errors
     /// `Unsupported`.
@@ -122,7 +123,7 @@ impl<'a> FrameLens<'a> {
                 return refuse(format!("camera_model {shown}"));
             }
         }
-        // A frame that states its model means it, whatever the file says of others.
+        // The model of a frame overrides that of the file.
         let own_model = self.frame.get("camera_model").is_some();
         let is_set = |value: &Value| match value {
             Value::Bool(is_set) => *is_set,
@@ -165,7 +166,7 @@ impl<'a> FrameLens<'a> {
         Ok([side("w", "width")?, side("h", "height")?])
     }
 
-    /// The values that mean nothing without the size of a picture, which nobody states.
+    /// The values that need a picture size, if none is stated.
     pub(super) fn in_pixels(&self) -> Result<Vec<&'static str>> {
         let focal = self.focal_lengths()?;
         let focal = focal.into_iter().flatten().filter(|stated| stated.unit == Unit::Pixels);
@@ -181,7 +182,7 @@ impl<'a> FrameLens<'a> {
     /// Focal lengths in pixels of a picture of this size.
     ///
     /// # Errors
-    /// `Malformed` where none is stated, and for angles out of range.
+    /// `Malformed` if none is stated, and for angles out of range.
     pub(super) fn focal(&self, [width, height]: [f64; 2]) -> Result<[f64; 2]> {
         let [x, y] = self.focal_lengths()?;
         let pixels = |stated: Option<Stated>, side: f64| {
@@ -189,7 +190,7 @@ impl<'a> FrameLens<'a> {
         };
         match (pixels(x, width)?, pixels(y, height)?) {
             (Some(x), Some(y)) => Ok([x, y]),
-            // Pixels are squares where nothing else is said.
+            // Pixels are square unless stated otherwise.
             (Some(focal), None) | (None, Some(focal)) => Ok([focal; 2]),
             (None, None) => {
                 let expected = "fl_x or camera_angle_x, of the frame or of the file";
@@ -198,8 +199,8 @@ impl<'a> FrameLens<'a> {
         }
     }
 
-    /// The focal lengths along x and y, as they are stated. A frame's own way to state them comes
-    /// before the file's: its angle must not hide behind the file's pixels, nor the other way round.
+    /// The focal lengths along x and y, as they are stated. A frame's own values override the
+    /// file's, even if one states an angle and the other pixels.
     fn focal_lengths(&self) -> Result<[Option<Stated>; 2]> {
         let mut found = [None; 2];
         let mut of_file = [None; 2];
@@ -224,7 +225,7 @@ impl<'a> FrameLens<'a> {
         if !is_own {
             return Ok(of_file);
         }
-        // A frame's own value along y alone leaves that along x to the file.
+        // If a frame states only y, x comes from the file.
         found[0] = found[0].or(of_file[0]);
         Ok(found)
     }
@@ -247,7 +248,7 @@ impl<'a> FrameLens<'a> {
 
     /// The point of a picture of this size on the optical axis.
     pub(super) fn center(&self, [width, height]: [f64; 2]) -> Result<[f64; 2]> {
-        // 0 is a place like any other.
+        // 0 is a valid position.
         let stated = |name, half| -> Result<f64> {
             let own = self.frame.number(name, self.place)?;
             let number = own.map_or_else(|| self.all.number(name, self.place), |n| Ok(Some(n)));

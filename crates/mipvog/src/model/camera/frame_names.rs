@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Extensions of pictures, in the order in which files without one are looked for.
+/// Extensions of pictures, in the order of the search for names without one.
 const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "webp", "tif", "tiff"];
-/// Further extensions that are no part of a frame's name.
+/// Further extensions that are not part of a frame's name.
 const OTHER_EXTENSIONS: [&str; 13] =
     ["bmp", "gif", "exr", "hdr", "heic", "heif", "avif", "jxl", "jp2", "ppm", "pgm", "dng", "npy"];
 
-/// The parts of a path, without those that lead nowhere or upwards. Paths of Windows are parted by
-/// backslashes, where no file is called so.
+/// The components of a path, without `.` and `..`. Backslashes separate Windows paths, unless a
+/// file has that name.
 fn parts<'a>(folder: &Path, path: &'a str) -> Vec<&'a str> {
     let is_name = path.contains('\\') && folder.join(path).is_file();
     let separates = |c: char| c == '/' || c == '\\' && !is_name;
@@ -30,8 +30,8 @@ fn is_absolute(path: &str) -> bool {
     path.starts_with(['/', '\\']) || without_drive(path).len() < path.len()
 }
 
-/// A file's name without its extension: one of pictures, or one that a file here has. What stands
-/// behind another dot is a part of the name, as in `scan.0001`.
+/// A file's name without its extension: one of pictures, or one that a file here has. Text behind
+/// any other dot is part of the name, as in `scan.0001`.
 fn stem<'a>(folder: &Path, path: &str, name: &'a str) -> &'a str {
     let Some((stem, extension)) = name.rsplit_once('.') else { return name };
     let is_picture = |known: &&str| extension.eq_ignore_ascii_case(known);
@@ -44,13 +44,13 @@ fn stem<'a>(folder: &Path, path: &str, name: &'a str) -> &'a str {
 /// The name of a frame, without folder and extension.
 fn bare_name(folder: &Path, path: &str) -> Option<String> {
     let name = parts(folder, path).pop()?;
-    // A path that ends upwards names no file.
+    // A path that ends in `..` names no file.
     let ends_upwards = path.trim_end_matches(['/', '\\']).ends_with("..") && name != "..";
     (!ends_upwards).then(|| stem(folder, path, name).to_owned())
 }
 
-/// The names of all frames. Where several have one name, as those of two cameras that write to two
-/// folders, as much of their folders comes before it as tells them apart; then their extension.
+/// The names of all frames. If several frames have the same name, like those of two cameras with a
+/// folder each, as many folders are prepended as tell them apart, then extensions are appended.
 pub(super) fn names(folder: &Path, paths: &[Option<&str>]) -> Vec<String> {
     let bare: Vec<Option<String>> =
         paths.iter().map(|path| path.and_then(|path| bare_name(folder, path))).collect();
@@ -81,12 +81,12 @@ pub(super) fn names(folder: &Path, paths: &[Option<&str>]) -> Vec<String> {
             alike.entry(name).or_default().push(number);
         }
         let mut deeper = depths.clone();
-        // The same frame twice has one name.
+        // Duplicates of a frame keep the same name.
         let differ =
             |group: &&Vec<usize>| group.iter().any(|&number| paths[number] != paths[group[0]]);
         for group in alike.values().filter(differ) {
             let has_folders = |&&number: &&usize| depths[number] < folders[number].len();
-            // One more than there are folders adds the extension.
+            // A count beyond the number of folders adds the extension.
             let is_last = |&&number: &&usize| depths[number] == folders[number].len();
             let next = match group.iter().any(|number| has_folders(&number)) {
                 true => group.iter().filter(has_folders).collect::<Vec<_>>(),
@@ -102,7 +102,7 @@ pub(super) fn names(folder: &Path, paths: &[Option<&str>]) -> Vec<String> {
 }
 
 /// Path of a frame's picture: as named, or with the extension that NeRF-synthetic files leave out.
-/// A path of another machine or of Windows is looked for by its parts.
+/// A path of another machine or of Windows is searched for by its components.
 pub fn picture_path(folder: &Path, name: &str) -> Option<PathBuf> {
     picture_as_named(folder, name).or_else(|| {
         let parts = if is_absolute(name) { parts(folder, name) } else { Vec::new() };
@@ -118,7 +118,8 @@ fn picture_as_named(folder: &Path, name: &str) -> Option<PathBuf> {
 }
 
 /// A frame's picture in a folder that holds pictures: below it by the frame's path or by the last
-/// parts of it, with another extension too, else by the frame's name with any extension of pictures.
+/// parts of it, with another extension too, else by the frame's name with any extension of
+/// pictures.
 pub fn photograph_path(folder: &Path, path: Option<&str>, name: &str) -> Option<PathBuf> {
     let parts = path.map(|path| parts(folder, path)).unwrap_or_default();
     let bare = path.and_then(|path| bare_name(folder, path));
@@ -130,7 +131,7 @@ pub fn photograph_path(folder: &Path, path: Option<&str>, name: &str) -> Option<
             let bare = Path::new(path?).with_file_name(bare.as_deref()?);
             picture_as_named(folder, bare.to_str()?)
         });
-    // A name that tells frames of one name apart says more than the file's alone.
+    // A disambiguated name is more specific than the file name alone.
     let is_bare = bare.as_deref() == Some(name);
     let by_own_name = || (!is_bare).then(|| with_extension(&folder.join(name))).flatten();
     let by_bare_name = || bare.as_ref().and_then(|bare| with_extension(&folder.join(bare)));
@@ -141,7 +142,7 @@ pub fn photograph_path(folder: &Path, path: Option<&str>, name: &str) -> Option<
         .filter(|found| found.is_file())
 }
 
-/// The file that the most of the last parts of a path lead to, at least `fewest` of them.
+/// The file with the longest matching tail of a path's components, at least `fewest` of them.
 fn by_last_parts(folder: &Path, parts: &[&str], fewest: usize) -> Option<PathBuf> {
     let most = parts.len().saturating_sub(fewest);
     let starts = if parts.len() < fewest { 0..0 } else { 0..most + 1 };
@@ -151,7 +152,7 @@ fn by_last_parts(folder: &Path, parts: &[&str], fewest: usize) -> Option<PathBuf
     })
 }
 
-/// The file of this path, or with an extension of pictures behind it.
+/// The file of this path, or of this path plus an extension of pictures.
 fn with_extension(path: &Path) -> Option<PathBuf> {
     if path.is_file() {
         return Some(path.to_owned());
@@ -167,11 +168,11 @@ fn with_extension(path: &Path) -> Option<PathBuf> {
     spellings.map(named).find(|path| path.is_file())
 }
 
-/// The number of the frame that a user means: by its name, its path, its bare name if no other frame
-/// has it, or its number.
+/// The index of the frame that a user names: by its name, its path, its bare name if that is
+/// unique, or its index.
 ///
 /// # Errors
-/// The names of the frames that a bare name could mean; none where it means no frame.
+/// The names of the frames with this bare name.
 pub(super) fn find(
     frames: &[(&str, Option<&str>)],
     wanted: &str,
@@ -230,7 +231,7 @@ mod tests {
         let deep = ["a/x/1.png", "b/x/1.png", "b/y/1.png", "1.jpg"];
         assert_eq!(named(&deep), ["a_x_1", "b_x_1", "y_1", "1"]);
         assert_eq!(named(&["r/1.png", "r/1.jpg"]), ["r_1.png", "r_1.jpg"]);
-        // The same frame twice stays so, and it ends.
+        // Duplicates stay duplicates, and the loop ends.
         assert_eq!(named(&["r/1.png", "r/1.png"]), ["1", "1"]);
         assert_eq!(named(&["r/1", "r/1", "r_1"]), ["1", "1", "r_1"]);
         assert_eq!(named(&["r/1", "r_1", "s/1"]), ["r_1", "r_1", "s_1"]);

@@ -1,4 +1,4 @@
-//! Frames of a camera file: the choice among them, and what a user should know of it.
+//! Frames of a camera file: selecting them, and notes for users.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use super::frame_names::{find, picture_path};
 use super::moved::WorldTransform;
 use crate::base::error::{Error, Result};
 
-/// Picture size where neither the file nor its pictures say one.
+/// Picture size if neither the file nor its pictures have one.
 pub(super) const DEFAULT_SIDE: usize = 800;
 /// Names of frames that a message lists, at most.
 const NAMES_SHOWN: usize = 5;
@@ -18,11 +18,11 @@ const NAMES_SHOWN: usize = 5;
 pub struct CameraFile {
     pub(super) frames: Vec<Frame>,
     pub(super) folder: PathBuf,
-    /// What was applied to all poses before they were written.
+    /// The transform that was applied to all poses before they were written.
     pub(super) applied: WorldTransform,
 }
 
-/// A frame, whose camera may be one that cannot be read.
+/// A frame; its camera may be unreadable.
 #[derive(Debug)]
 pub(super) struct Frame {
     pub(super) name: String,
@@ -31,28 +31,28 @@ pub(super) struct Frame {
     pub(super) notes: Notes,
 }
 
-/// Things that a user should know of a frame.
+/// Notes for users about a frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Notes {
-    /// Coefficients of distortion that are left out.
+    /// Distortion coefficients that are ignored.
     pub(super) distortion: Vec<&'static str>,
-    /// Values in pixels of a picture whose size nobody states.
+    /// Values in pixels of a picture of unknown size.
     pub(super) unsized_values: Vec<&'static str>,
-    /// A picture that is there, and whose size cannot be read.
+    /// An existing picture whose size cannot be read.
     pub(super) unread: Option<String>,
 }
 
-/// Cameras that were picked, in the order in which they were asked for.
+/// Selected cameras, in the requested order.
 #[derive(Debug, Clone, Default)]
 pub struct PickedCameras {
     /// The cameras.
     pub cameras: Vec<Camera>,
-    /// What is left out or assumed of them, in sentences.
+    /// Sentences about ignored and assumed values.
     pub warnings: Vec<String>,
 }
 
 impl CameraFile {
-    /// The cameras in the world that a transform leads to.
+    /// The cameras after a transform of the world.
     #[must_use]
     pub fn moved(mut self, by: &WorldTransform) -> Self {
         for frame in &mut self.frames {
@@ -74,11 +74,10 @@ impl CameraFile {
         named.filter_map(|name| picture_path(&self.folder, name))
     }
 
-    /// The frames that a list of names, paths or indices picks, in its order; all if there is no
-    /// list.
+    /// The frames that a list of names, paths or indices selects, in its order; all without a list.
     ///
     /// # Errors
-    /// Names of no frame or of several, and picked frames that cannot be read.
+    /// Names of no frame or of several, and selected frames that cannot be read.
     pub fn pick(self, wanted: &[String]) -> Result<PickedCameras> {
         let known: Vec<(&str, Option<&str>)> =
             self.frames.iter().map(|frame| (&*frame.name, frame.picture.as_deref())).collect();
@@ -93,7 +92,7 @@ impl CameraFile {
     }
 }
 
-/// Picks among cameras that no file holds, by names or indices.
+/// Selects among cameras without a file, by names or indices.
 ///
 /// # Errors
 /// Names of no camera.
@@ -120,7 +119,7 @@ fn picked(known: &[(&str, Option<&str>)], wanted: &[String]) -> Result<Vec<usize
     wanted.iter().map(one).collect()
 }
 
-/// The names and indices that frames can be picked by.
+/// The names and indices that select frames.
 fn choices(known: &[(&str, Option<&str>)]) -> String {
     let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
     let last = known.len().saturating_sub(1);
@@ -134,7 +133,7 @@ fn list<T: AsRef<str>>(names: &[T]) -> String {
     format!("{}{more}", shown.join(", "))
 }
 
-/// What a user should know of some frames, each thing once.
+/// Notes about some frames, without duplicates.
 fn warnings<'a>(frames: impl Iterator<Item = &'a Frame> + Clone) -> Vec<String> {
     let mut warnings = Vec::new();
     let named = |is_meant: &dyn Fn(&Notes) -> bool| {

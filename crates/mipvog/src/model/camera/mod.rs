@@ -1,4 +1,4 @@
-//! Cameras: which ray a pixel looks along.
+//! Cameras: the mapping from pixels to rays.
 //!
 //! The ray through pixel centre `(i + 0.5, j + 0.5)` has direction
 //! `((i + 0.5 - cx) / fx, -(j + 0.5 - cy) / fy, -1)` in the camera's axes (x right, y up, looking

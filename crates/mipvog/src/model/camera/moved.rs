@@ -1,11 +1,12 @@
-//! Cameras of a dataset in the world of a training, which nerfstudio turns, moves and scales.
+//! Cameras of a dataset in the training's world, which nerfstudio rotates, translates and scales.
 //!
 //! ```text
 //! p of the training = scale (M A^-1 p of the camera file)
 //! ```
 //!
 //! `M` and `scale` are those of `dataparser_transforms.json`. `A` is the camera file's own
-//! `applied_transform`, by which its poses were turned before: `M` counts from before that.
+//! `applied_transform`, which is already applied to its poses; `M` applies to the poses before
+//! that.
 
 use std::path::Path;
 
@@ -17,22 +18,22 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 
-/// A turn and a move, then a scale.
+/// A rotation and a translation, then a scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorldTransform {
     matrix: DMat4,
     scale: f64,
 }
 
-/// Determinants of turns differ from 1 by this, at most.
+/// Tolerance of a rotation's determinant.
 const TURN_ERROR: f64 = 1e-3;
 
 impl WorldTransform {
     /// Reads nerfstudio's `dataparser_transforms.json`.
     ///
     /// # Errors
-    /// A file that cannot be read, and `Malformed` for a matrix that does more than turn and move,
-    /// or a scale that is not above 0.
+    /// A file that cannot be read, and `Malformed` for a matrix that does more than rotate and
+    /// translate, or a scale that is not above 0.
     pub fn read(path: &Path, limits: &Limits) -> Result<Self> {
         let file = SourceFile::open(path)?;
         let bytes = file.read(0, file.length(), limits.header_bytes)?;
@@ -53,7 +54,7 @@ impl WorldTransform {
         Ok(Self { matrix: turn(matrix, "transform")?, scale: positive(scale, "scale")? })
     }
 
-    /// A camera of a file whose poses were turned and scaled before.
+    /// A camera of a file whose poses were already rotated and scaled.
     pub(super) fn moved(&self, camera: &Camera, before: Self) -> Camera {
         let scale = self.scale / before.scale;
         let mut to_world = self.matrix * before.matrix.inverse() * camera.to_world;
@@ -62,7 +63,8 @@ impl WorldTransform {
     }
 }
 
-/// What was applied to the poses of a camera file: its `applied_transform` and `applied_scale`.
+/// The transform that was applied to the poses of a camera file: its `applied_transform` and
+/// `applied_scale`.
 ///
 /// # Errors
 /// As [`WorldTransform::read`].
@@ -73,7 +75,7 @@ pub(super) fn applied(matrix: Option<&Value>, scale: Option<&Value>) -> Result<W
     })
 }
 
-/// A matrix of three or four rows that turns and moves, mirrored or not.
+/// A rotation and translation matrix of three or four rows, possibly mirrored.
 fn turn(value: &Value, key: &str) -> Result<DMat4> {
     let refuse = |found: &str| {
         let expected = "three or four rows of four numbers, a rotation and a position";
@@ -125,7 +127,7 @@ mod tests {
     #[test]
     fn cameras_are_turned_moved_and_scaled() {
         assert_eq!(place(""), DVec3::new(-2.0, 3.0, 4.5));
-        // The file's poses were turned before, and twice as large.
+        // The file's poses are already rotated, and scaled by two.
         let applied = r#""applied_transform": [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0]],
                          "applied_scale": 2,"#;
         assert_eq!(place(applied), DVec3::new(-1.25, 1.75, 1.75));

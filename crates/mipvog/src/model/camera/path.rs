@@ -1,4 +1,4 @@
-//! Flights through given cameras.
+//! Camera paths through given cameras.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
@@ -8,9 +8,9 @@ use crate::base::error::{Error, Result};
 /// Cosine of the angle between two rotations above which a straight line is as good as an arc.
 const NEARLY_EQUAL: f64 = 1.0 - 1e-9;
 
-/// `count` cameras on the way through `cameras` in their order, from the first to the last. Places
-/// lie on a smooth curve through the given ones (Catmull and Rom's), rotations on arcs between them,
-/// and lenses change evenly. The same numbers come out on every machine.
+/// `count` cameras along the path through `cameras`, from the first to the last. Positions lie on a
+/// Catmull-Rom spline, rotations on arcs between the given ones, and lenses are interpolated
+/// linearly. Results are the same on every machine.
 ///
 /// # Errors
 /// `Usage` for fewer than two cameras, for pictures of several sizes, and for cameras that mirror.
@@ -32,7 +32,7 @@ pub fn flight(cameras: &[Camera], count: usize) -> Result<Vec<Camera>> {
         let from = (at as usize).min(last - 1);
         let share = at - from as f64;
         let place = |key: usize| keys[key.min(last)].place;
-        // Beyond the ends the curve goes straight on.
+        // Beyond its ends, the curve is extended straight.
         let before = match from {
             0 => 2.0 * place(0) - place(1),
             _ => place(from - 1),
@@ -59,7 +59,7 @@ pub fn flight(cameras: &[Camera], count: usize) -> Result<Vec<Camera>> {
     Ok((0..count).map(camera).collect())
 }
 
-/// A camera that the path leads through.
+/// A camera on the path.
 struct Key {
     place: DVec3,
     rotation: DQuat,
@@ -84,8 +84,7 @@ impl Key {
     }
 }
 
-/// The curve of Catmull and Rom through the two middle points, `share` of the way from the first to
-/// the second of them.
+/// The Catmull-Rom spline between the two middle points, at `share` of the way.
 fn curve([before, from, to, after]: [DVec3; 4], share: f64) -> DVec3 {
     let (t, t2, t3) = (share, share * share, share * share * share);
     0.5 * (2.0 * from
@@ -94,7 +93,7 @@ fn curve([before, from, to, after]: [DVec3; 4], share: f64) -> DVec3 {
         + (3.0 * from - before - 3.0 * to + after) * t3)
 }
 
-/// The rotation `share` of the shorter way from one to another.
+/// The rotation at `share` of the shorter arc from one to another.
 fn arc(from: DQuat, to: DQuat, share: f64) -> DQuat {
     let cosine = from.dot(to);
     let (to, cosine) = if cosine < 0.0 { (-to, -cosine) } else { (to, cosine) };
@@ -108,7 +107,7 @@ fn arc(from: DQuat, to: DQuat, share: f64) -> DQuat {
 }
 
 impl Lens {
-    /// The lens `share` of the way to another one, on a picture of this one's size.
+    /// The lens at `share` of the way to another one, for a picture of this one's size.
     fn mixed(&self, other: &Self, share: f64) -> Self {
         let mix = |from: f64, to: f64| from + share * (to - from);
         Self {
@@ -147,7 +146,7 @@ mod tests {
             let looks = axes.z_axis.dot(place.normalize());
             assert!(looks > 0.995, "{i}: {looks}");
         }
-        // No jump: steps are about as long as the mean step.
+        // No jumps: all steps are close to the mean step.
         let places = |i: usize| path[i].to_world.w_axis.truncate();
         let steps: Vec<f64> = (1..path.len()).map(|i| places(i).distance(places(i - 1))).collect();
         let mean = steps.iter().sum::<f64>() / steps.len() as f64;

@@ -5,15 +5,15 @@ use sha2::{Digest, Sha256};
 
 use crate::base::error::{Error, Place, Result};
 
-/// Pixels along a picture's sides, at most: pictures of that size take gigabytes.
+/// Maximum pixels along a picture's side: pictures of that size take gigabytes.
 pub const LARGEST_SIDE: usize = 1 << 15;
 /// Bounds on focal lengths, as shares of a picture's longer side.
 const FOCAL_SHARES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
-/// Places of cameras and optical centres lie within this distance of 0: beyond it, float64 cannot
-/// tell rays apart.
+/// Maximum distance of cameras and optical centres from 0: beyond it, float64 cannot distinguish
+/// rays.
 const FARTHEST: f64 = 1e12;
 
-/// The share of a rotation's volume that rounded numbers may lack.
+/// Tolerance of a rotation's volume, for rounded numbers.
 const SKEW: f64 = 0.02;
 
 /// One camera: a frame of a camera file.
@@ -90,8 +90,8 @@ impl Lens {
         }
     }
 
-    /// The view whose pixels are blocks of `scale` x `scale` pixels, the first one in the upper left
-    /// corner. Blocks that are cut off at the right and below are left out.
+    /// The view whose pixels are blocks of `scale` x `scale` pixels, the first one in the upper
+    /// left corner. Incomplete blocks at the right and at the bottom are dropped.
     #[must_use]
     pub fn shrunk(&self, scale: usize) -> Self {
         let divided = |length: f64| length / scale as f64;
@@ -173,7 +173,7 @@ impl Camera {
         let axes = glam::DMat3::from_mat4(self.to_world);
         let lengths = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::DVec3::length);
         let longest = lengths.into_iter().fold(0.0, f64::max);
-        // A box of edges that stand upright and are alike has the largest volume.
+        // Edges of equal length that are perpendicular have the largest volume.
         let upright = determinant / longest.powi(3);
         if upright < 1.0 - SKEW {
             return bad("a matrix that skews or stretches".into(), "a rotation");
@@ -245,7 +245,7 @@ mod tests {
         let square = Lens { width: 40, height: 40, focal: [50.0; 2], center: [20.0; 2] };
         let wide = square.reframed(80, 30);
         assert_eq!(wide, Lens { width: 80, height: 30, focal: [100.0; 2], center: [40.0, 15.0] });
-        // The same shape is the same view, wherever its centre is.
+        // The same aspect ratio gives the same view, wherever the centre is.
         let (moved, same) = (lens(60, 40).reframed(90, 60), lens(60, 40).resized(90, 60));
         assert_eq!((moved.focal, moved.center), (same.focal, same.center));
     }

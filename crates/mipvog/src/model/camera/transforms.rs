@@ -3,7 +3,7 @@
 //!
 //! Cameras of COLMAP's sparse models are read as such a file, too ([`colmap`]).
 //!
-//! A frame that cannot be read is no fault of the others: it is refused when it is picked.
+//! An unreadable frame does not affect the others: it is refused only when it is selected.
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
@@ -23,14 +23,14 @@ use crate::base::limits::Limits;
 use crate::base::text::{is_quoted_number, without_mark};
 use crate::picture;
 
-/// Errors of rounded numbers in a matrix's last row, at most.
+/// Tolerance of a matrix's last row, for rounded numbers.
 const LAST_ROW_ERROR: f64 = 1e-4;
 
 /// Reads a camera file. The pictures' size is `size`, else the file's, else that of the frame's
-/// picture, else that of the first picture that is there, else 800 x 800.
+/// picture, else that of the first existing picture, else 800 x 800.
 ///
 /// # Errors
-/// A file that cannot be read or is none of cameras.
+/// A file that cannot be read, or is not a camera file.
 pub fn read(path: &Path, size: Option<[usize; 2]>, limits: &Limits) -> Result<CameraFile> {
     let (document, folder) = match colmap::is_model(path) {
         true => colmap::read(path, limits)?,
@@ -51,7 +51,7 @@ pub fn read(path: &Path, size: Option<[usize; 2]>, limits: &Limits) -> Result<Ca
 /// The cameras of a file's text, whose pictures are relative to `folder`.
 ///
 /// # Errors
-/// A text that is none of cameras.
+/// Text that is not a camera file.
 pub fn parse(text: &str, folder: PathBuf, size: Option<[usize; 2]>) -> Result<CameraFile> {
     frames(Document::read(text)?, folder, size)
 }
@@ -92,7 +92,7 @@ fn read_text(path: &Path, limits: &Limits) -> Result<String> {
     })
 }
 
-/// Refuses a path of a frame that is no text.
+/// Refuses a frame's path that is not a string.
 fn check_path(frame: &Fields, place: &Place) -> Result<()> {
     match frame.get("file_path") {
         None | Some(Value::String(_)) => Ok(()),
@@ -134,7 +134,7 @@ fn camera(
     Ok(camera)
 }
 
-/// The matrix from a camera to the world: three rows, and maybe 0, 0, 0, 1.
+/// The camera-to-world matrix: three rows, and optionally 0, 0, 0, 1.
 fn matrix(frame: &Fields, place: &Place) -> Result<DMat4> {
     let expected = "transform_matrix with 3 or 4 rows of 4 numbers";
     let named = ["transform_matrix", "transform"].into_iter();
@@ -169,12 +169,12 @@ fn matrix(frame: &Fields, place: &Place) -> Result<DMat4> {
 struct PictureSizes<'a> {
     folder: &'a Path,
     paths: &'a [Option<&'a str>],
-    /// That of the first picture that is there.
+    /// The size of the first existing picture.
     first: OnceCell<Option<[usize; 2]>>,
 }
 
 impl PictureSizes<'_> {
-    /// The size of a frame's picture, else of the first one that is there, and why its own is none.
+    /// The size of a frame's picture, else of the first existing one, and why its own is missing.
     fn of(&self, number: usize) -> (Option<[usize; 2]>, Option<String>) {
         match self.own(number) {
             Some(Ok(size)) => (Some(size), None),
@@ -243,11 +243,11 @@ mod tests {
                 String::new(),
                 [220.0, 300.0],
             ),
-            // A frame's own value replaces the file's alone.
+            // A frame's own value overrides only that value of the file.
             (format!(r#"{size}"fl_x":220,"fl_y":230"#), r#""fl_y":300"#.into(), [220.0, 300.0]),
             (format!(r#"{size}"fl_x":220,"fl_y":300"#), r#""fl_x":210"#.into(), [210.0, 300.0]),
             (format!(r#"{size}"camera_angle_x":{x}"#), r#""fl_y":300"#.into(), [220.0, 300.0]),
-            // Another way to state it replaces both.
+            // Another way to state the focal length overrides both.
             (
                 format!(r#"{size}"fl_x":500,"fl_y":400"#),
                 format!(r#""camera_angle_x":{x}"#),
@@ -258,7 +258,7 @@ mod tests {
                 r#""fl_x":220"#.into(),
                 [220.0, 220.0],
             ),
-            // 0 in the file stands for what each frame has.
+            // 0 in the file means that each frame has its own.
             (
                 r#""w":0,"h":0,"fl_x":0,"fl_y":0"#.into(),
                 format!(r#"{size}"fl_x":220"#),
@@ -326,7 +326,7 @@ mod tests {
         told(r#""fl_x":220"#, &["", ""], &["800x800", "fl_x", "option size"]);
         told(r#""camera_angle_x":0.7,"w":20"#, &[""], &["800x800", "w are"]);
         told(r#""camera_angle_x":0.7,"cx":100,"cy":75"#, &[""], &["cx, cy"]);
-        // NeRF's synthetic scenes have neither sizes nor, at times, their pictures.
+        // NeRF-synthetic scenes state no sizes, and their pictures may be missing.
         let found = lens(r#""camera_angle_x":0.7"#, "");
         assert_eq!((found.width, found.height), (800, 800));
     }

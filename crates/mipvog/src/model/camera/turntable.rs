@@ -7,14 +7,15 @@ use glam::{DMat4, DVec3};
 use super::{Camera, Lens};
 use crate::model::grid::Bounds;
 
-/// Half the field of view along the shorter side of a picture, in radians: about 40 degrees in all.
+/// Half the field of view along the shorter side of a picture, in radians; the full angle is about
+/// 40 degrees.
 const HALF_VIEW: f64 = 0.35;
 /// Turns of a spiral.
 const TURNS: f64 = 3.0;
-/// Sines of a spiral's first and last elevation: 3 and 72 degrees.
+/// Sines of a spiral's first and last elevations, 3 and 72 degrees.
 const SPIRAL: [f64; 2] = [0.05, 0.95];
 
-/// A way around the box. The cameras look at its middle. The world's z is up, as in training.
+/// A path around the box. The cameras look at its middle. The world's z is up, as in training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
     /// Angle of a circle's cameras above the box's middle in radians, between a quarter turn below
@@ -50,7 +51,7 @@ impl Orbit {
     }
 
     /// `count` cameras on a spiral that rises over the upper half of a sphere, with pictures of
-    /// `size` pixels. Equal parts of it pass equal heights. The elevation is the spiral's own.
+    /// `size` pixels. Equal parts of the spiral rise by equal heights. It sets its own elevation.
     pub fn spiral(&self, bounds: &Bounds, count: usize, size: [usize; 2]) -> Vec<Camera> {
         let at = |i: usize| {
             let share = (i as f64 + 0.5) / count as f64;
@@ -60,7 +61,7 @@ impl Orbit {
         self.cameras(bounds, count, size, "spiral", at)
     }
 
-    /// Cameras at an angle from the start and an elevation, which `at` gives by their number.
+    /// Cameras at the angle from the start and the elevation that `at` returns for their index.
     fn cameras(
         &self,
         bounds: &Bounds,
@@ -71,7 +72,7 @@ impl Orbit {
     ) -> Vec<Camera> {
         let (middle, box_radius) = sphere(bounds);
         let half_angle = 0.5 * self.field_of_view;
-        // Pictures of cameras may decide the stored values: the same bits on every machine.
+        // Stored values may depend on these cameras, so the bits must be the same on every machine.
         let distance = match self.radius {
             Some(radius) => radius * box_radius,
             None => box_radius / libm::sin(half_angle),
@@ -99,8 +100,8 @@ pub fn direction(around: f64, up: f64) -> DVec3 {
 }
 
 impl Lens {
-    /// Square pixels and a centre in the middle; `half_angle` in radians is to each side of the
-    /// centre along the shorter side.
+    /// Square pixels and a centre in the middle; `half_angle`, in radians, is half the angle along
+    /// the shorter side.
     pub fn centered(size: [usize; 2], half_angle: f64) -> Self {
         let [width, height] = size;
         let focal = 0.5 * width.min(height) as f64 / libm::tan(half_angle);
@@ -136,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_plain_turntable_is_the_same_to_the_last_bit() {
-        // Stored values depend on these places.
+        // Stored values depend on these positions.
         let (middle, radius) = sphere(&BOX);
         for (i, camera) in turntable(&BOX, 7, [40, 30]).iter().enumerate() {
             let around = TAU * i as f64 / 7.0;

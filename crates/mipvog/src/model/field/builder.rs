@@ -1,4 +1,4 @@
-//! Trained fields out of arrays.
+//! Trained fields from arrays.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! One or more channels of a trained field, stored as a strided array or found in another way.
+//! One or more channels of a trained field, as a strided array or from another source.
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -9,9 +9,8 @@ use crate::base::progress::Progress;
 use crate::model::grid::{NodeMask, Nodes};
 
 /// Values at nodes that are not a strided array: sparse rows, products of factors, samples of
-/// another model. Readers ask for planes of constant x, from any thread and in any order;
-/// neighbouring
-/// planes usually follow each other, and all channels of one come soon after each other.
+/// another model. Readers request planes of constant x, from any thread and in any order; usually
+/// neighbouring planes in sequence, and all channels of a plane together.
 pub trait NodeValues: Debug + Send + Sync {
     /// Nodes along each axis.
     fn nodes(&self) -> Nodes;
@@ -25,27 +24,25 @@ pub trait NodeValues: Debug + Send + Sync {
     /// Feeds a digest with bytes that represent all values.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn digest(&self, hash: &mut dyn FnMut(&[u8])) -> Result<()>;
 
-    /// Loads and finds what all planes need. Called before the loops that read planes, so that it
-    /// may run in parallel itself.
+    /// Prepares data that all planes need. Called before the loops that read planes, so that it may
+    /// run in parallel itself.
     ///
     /// # Errors
-    /// Those of reading, and a request to stop.
+    /// Errors of reading, and a request to stop.
     fn prepare(&self, progress: &dyn Progress) -> Result<()>;
 
-    /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Other nodes may
-    /// be filled or left as they are. Prepares first if [`Self::prepare`] was not called. Returns
-    /// the bytes that
-    /// were read.
+    /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Other nodes
+    /// may be filled or left unchanged. Prepares first if [`Self::prepare`] was not called. Returns
+    /// the number of bytes read.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     fn read(&self, channel: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64>;
 
-    /// Gives back the planes that are kept for readers of their neighbours: nobody reads more for
-    /// now.
+    /// Frees the planes that are cached for readers of their neighbours, because reading pauses.
     fn release(&self) {}
 }
 
@@ -54,7 +51,7 @@ pub trait NodeValues: Debug + Send + Sync {
 pub enum Grid {
     /// A dense array, in a file or in memory.
     Array(Volume),
-    /// Values that are computed or looked up.
+    /// Computed values, or values from a lookup.
     Values(Arc<dyn NodeValues>),
 }
 
@@ -75,7 +72,7 @@ impl Grid {
         }
     }
 
-    /// Bytes of its values, or of what they are found from, in memory.
+    /// Bytes in memory of its values, or of the data that they are computed from.
     pub fn memory_bytes(&self) -> u64 {
         match self {
             Self::Array(volume) => volume.bytes(),
@@ -83,10 +80,10 @@ impl Grid {
         }
     }
 
-    /// Loads and finds what all planes need; see [`NodeValues::prepare`].
+    /// Prepares data that all planes need; see [`NodeValues::prepare`].
     ///
     /// # Errors
-    /// Those of reading, and a request to stop.
+    /// Errors of reading, and a request to stop.
     pub fn prepare(&self, progress: &dyn Progress) -> Result<()> {
         match self {
             Self::Array(_) => Ok(()),
@@ -94,7 +91,7 @@ impl Grid {
         }
     }
 
-    /// Gives back what is kept for the next reader; see [`NodeValues::release`].
+    /// Frees cached planes; see [`NodeValues::release`].
     pub fn release(&self) {
         if let Self::Values(values) = self {
             values.release();
@@ -109,7 +106,7 @@ impl Grid {
     /// Fills all nodes of plane `x` of a channel. `hash` gets the bytes of arrays as stored.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn read_plane(
         &self,
         channel: usize,

@@ -1,5 +1,5 @@
-//! A radiance field as trained: dense node-centred grids, a view-dependent network, and how a ray
-//! is marched through them. Grids stay in their file and are read by position.
+//! A radiance field as trained: dense node-centred grids, a view-dependent network, and the rules
+//! of ray marching. Grids stay in their file and are read by position.
 
 mod builder;
 mod grid;

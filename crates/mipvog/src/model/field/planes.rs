@@ -1,5 +1,5 @@
-//! Values of a trained field as everything downstream sees them: read by position where they are
-//! required, emptied outside the free-space mask, replaced where they are not finite.
+//! Values of a trained field as all later stages read them: only required nodes, emptied outside
+//! the free-space mask, and with values that are not finite replaced.
 
 use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
@@ -8,17 +8,18 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::model::field::{Grid, RadianceField, Volume};
 use crate::model::grid::{NodeMask, Nodes, row};
 
-/// Runs of values closer than this many bytes are read as one: a gap costs less than a call.
+/// Runs of values closer than this many bytes are read as one, because a gap costs less than a
+/// call.
 const BRIDGED_BYTES: usize = 4096;
 
 /// Treatment of values that are not finite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Nonfinite {
-    /// The bake is refused, with their count and the first one's place.
+    /// The bake fails, and states their count and the place of the first one.
     #[default]
     Refuse,
-    /// The node is empty: density as outside the scene, colour as never trained.
+    /// The node becomes empty: density as outside the scene, colour as if never trained.
     Empty,
 }
 
@@ -26,7 +27,7 @@ pub enum Nonfinite {
 #[derive(Debug)]
 pub struct Planes<'a> {
     field: &'a RadianceField,
-    /// Nodes that are no corner of any cell which the free-space mask touches.
+    /// Nodes that are not a corner of any cell that the free-space mask touches.
     outside: Option<NodeMask>,
     nonfinite: Nonfinite,
 }
@@ -36,7 +37,7 @@ pub struct Planes<'a> {
 pub struct PlaneRead {
     /// Bytes that were read.
     pub bytes: u64,
-    /// CRC-32 of them, in order; of no bytes where none was asked for.
+    /// CRC-32 of the bytes in order; of no bytes if no checksum was requested.
     pub checksum: crc32fast::Hasher,
     /// Values that were replaced.
     pub nonfinite: NonfiniteCount,
@@ -52,7 +53,7 @@ pub struct NonfiniteCount {
 }
 
 impl NonfiniteCount {
-    /// Adds the values of another read.
+    /// Adds the counts of another read.
     pub fn join(&mut self, other: Self) {
         self.count += other.count;
         self.first = match (self.first, other.first) {
@@ -80,7 +81,7 @@ impl<'a> Planes<'a> {
     }
 
     /// Fills the nodes in `region` (rows of bits along z) of plane `x`. Channel 0 is density, the
-    /// others are colour. Nodes around the region may be filled too. With `checksummed` the record
+    /// others are colour. Nodes around the region may be filled too. With `checksummed`, the record
     /// has a checksum.
     pub fn read(
         &self,
@@ -147,7 +148,8 @@ impl<'a> Planes<'a> {
         else {
             return Ok(found.count);
         };
-        // Arrays of colour are those of checkpoints; the others have the names of sampled arrays.
+        // Colour in one array comes from checkpoints; other arrays have the names of sampled
+        // arrays.
         let tensor = match (channel, self.field.color.first()) {
             (0, _) => "density",
             (_, Some(Grid::Array(_))) => "k0",
@@ -160,12 +162,12 @@ impl<'a> Planes<'a> {
         Err(Error::new(kind, Place::Tensor(tensor.to_owned())))
     }
 
-    /// The checksum that the file states of all of density.
+    /// The file's checksum of all density.
     pub fn density_crc32(&self) -> Option<u32> {
         stated_crc32(&self.field.density)
     }
 
-    /// The checksum that the file states of all of colour, where it is one tensor.
+    /// The file's checksum of all colour, if colour is one tensor.
     pub fn color_crc32(&self) -> Option<u32> {
         match self.field.color.as_slice() {
             [color] => stated_crc32(color),
@@ -174,8 +176,8 @@ impl<'a> Planes<'a> {
     }
 }
 
-/// Replaces values that are not finite, and counts them. The first value is that of node number
-/// `start` of the plane.
+/// Replaces values that are not finite, and counts them. The first value belongs to node `start` of
+/// the plane.
 fn replace_nonfinite(
     [channel, x]: [usize; 2],
     start: usize,
@@ -192,8 +194,8 @@ fn replace_nonfinite(
     found
 }
 
-/// True if no value is infinite or NaN: no exponent is all ones. Without branches, so that vectors
-/// do it.
+/// True if no value is infinite or NaN: no exponent is all ones. Without branches, so that it is
+/// vectorized.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn all_finite(values: &[f32]) -> bool {
     const EXPONENT: u32 = 0xff << 23;
@@ -206,8 +208,8 @@ fn stated_crc32(grid: &Grid) -> Option<u32> {
     volume.storage.crc32().filter(|_| volume.fills_storage())
 }
 
-/// Holds the checksums of a tensor's planes, in the order of the file, against the one that the
-/// file states for all of it.
+/// Compares the checksums of a tensor's planes, in file order, with the file's checksum of the
+/// whole tensor.
 pub fn verify_crc32<'h>(
     tensor: &str,
     planes: impl IntoIterator<Item = &'h crc32fast::Hasher>,
@@ -225,10 +227,10 @@ pub fn verify_crc32<'h>(
 
 impl Grid {
     /// Fills the nodes of `region` (rows of bits along z) of plane `x` of a channel. Others may be
-    /// filled or left as they are. Returns the bytes that were read.
+    /// filled or left unchanged. Returns the number of bytes read.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn read_region(
         &self,
         channel: usize,
@@ -250,7 +252,7 @@ impl Grid {
     }
 }
 
-/// Runs of consecutive values of a plane that cover the region, short gaps bridged.
+/// Runs of consecutive values of a plane that cover the region; short gaps are bridged.
 fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
     let [_, ny, nz] = volume.nodes.0;
     let words = region.len() / ny;
@@ -273,8 +275,8 @@ fn runs(volume: &Volume, region: &[u64]) -> Vec<std::ops::Range<usize>> {
     runs
 }
 
-/// Lowers nodes outside the mask to emptiness. Lower values stay: levels as trained average them as
-/// they are.
+/// Lowers nodes outside the mask to the empty value. Lower values stay, because levels as trained
+/// average them unchanged.
 fn lower(outside: &NodeMask, x: usize, plane: &mut [f32], empty: f32) {
     let nz = outside.nodes().0[2];
     for (y, values) in plane.chunks_exact_mut(nz).enumerate() {

@@ -22,24 +22,24 @@ pub struct RadianceField {
     pub color_domain: ColorDomain,
     /// View-dependent colour; without it the scene is diffuse.
     pub view: Option<ViewDependence>,
-    /// The space in which training kept samples; none means everywhere.
+    /// The space in which training kept samples; none for everywhere.
     pub free_space: Option<FreeSpace>,
     /// The world around the box, from level 1 on; none for an object.
     pub shells: Vec<Shell>,
 }
 
 impl RadianceField {
-    /// Loads and finds what all planes of its grids need; see
+    /// Prepares data that all planes of its grids need; see
     /// [`NodeValues::prepare`](super::NodeValues::prepare).
     ///
     /// # Errors
-    /// Those of reading, and a request to stop.
+    /// Errors of reading, and a request to stop.
     pub fn prepare(&self, progress: &dyn Progress) -> Result<()> {
         let shells = self.shells.iter().flat_map(Shell::grids);
         self.grids().chain(shells).try_for_each(|grid| grid.prepare(progress))
     }
 
-    /// Refuses a field whose parts do not fit each other.
+    /// Refuses a field with inconsistent parts.
     ///
     /// # Errors
     /// `Malformed` or `Unsupported`, with the part as its place.
@@ -112,13 +112,12 @@ impl RadianceField {
         self.shells.last().map_or(self.scene.bounds, |shell| shell.lattice.bounds)
     }
 
-    /// Places of the boxes in that of everything; empty where there is one box.
+    /// Places of the boxes within the outermost one; empty if there is one box.
     pub fn frames(&self) -> Vec<BoxFrame> {
         BoxFrame::of_boxes(&self.boxes())
     }
 
-    /// A shell as a field of its own, in one box; none if there is no such shell. The first is
-    /// number 1.
+    /// A shell as a separate field in one box; none if there is no such shell. Numbers start at 1.
     pub fn of_shell(&self, number: usize) -> Option<Self> {
         let Shell { lattice, density, color } = self.shells.get(number.checked_sub(1)?)?;
         let mut scene = self.scene.clone();
@@ -138,7 +137,7 @@ impl RadianceField {
         Lattice::new(self.scene.bounds, self.scene.nodes)
     }
 
-    /// The boxes of all levels that have one of their own, level 0's first.
+    /// The boxes of all levels that have their own, level 0's first.
     pub fn lattices(&self) -> Vec<Lattice> {
         std::iter::once(self.lattice())
             .chain(self.shells.iter().map(|shell| shell.lattice))
@@ -155,7 +154,7 @@ impl RadianceField {
         self.view.as_ref().and_then(ViewDependence::network)
     }
 
-    /// The harmonics, if there are any.
+    /// The harmonics, if any.
     pub fn harmonics(&self) -> Option<&Harmonics> {
         self.view.as_ref().and_then(ViewDependence::harmonics)
     }
@@ -165,8 +164,8 @@ impl RadianceField {
         std::iter::once(&self.density).chain(&self.color)
     }
 
-    /// The grid that holds a channel, 0 being density and the others colour, and the channel's
-    /// number in it.
+    /// The grid that holds a channel (0 is density, the others colour), and the channel's index in
+    /// it.
     pub fn grid_of(&self, channel: usize) -> Option<(&Grid, usize)> {
         let mut left = channel;
         for grid in self.grids() {

@@ -1,11 +1,12 @@
-//! The world around a field's box: boxes around each other, whose nodes are ever farther apart.
+//! The world around a field's box: nested boxes with growing node distances.
 //!
 //! Level 0 spans the field's own box. A *shell* is the box of a coarser level that reaches farther:
 //! box `k` holds box `k - 1`, and its nodes lie about twice as far apart. A shell shows what lies
-//! outside the next smaller box. It has values at all of its nodes, so that those around the smaller
-//! box's faces are there; an average over the cell of a node, as far as the trained model is finer.
+//! outside the next smaller box. It has values at all of its nodes, so that nodes around the
+//! smaller box's faces exist. Where the trained model is finer, a value is the average over the
+//! cell of its node.
 //!
-//! Nothing is lost where every second node of a box is one of the next box: [`Lattice::doubled`]
+//! Nothing is lost if every second node of a box is a node of the next box: [`Lattice::doubled`]
 //! places boxes so, around one with an odd number of nodes along each axis.
 
 use mipvog_format::container::is_around;
@@ -29,8 +30,7 @@ impl Lattice {
         Self { bounds, nodes }
     }
 
-    /// A box around this one, twice as large, with an odd number of nodes close to that of this
-    /// one.
+    /// A box around this one, twice as large, with an odd number of nodes close to this one's.
     pub fn doubled(&self) -> Self {
         let spacing = self.nodes.spacing(&self.bounds);
         let (mut bounds, mut nodes) = (self.bounds, self.nodes);
@@ -78,7 +78,7 @@ impl Lattice {
 pub struct Shell {
     /// The box and its nodes.
     pub lattice: Lattice,
-    /// Raw density, in the same form as the field's.
+    /// Raw density, in the field's form.
     pub density: Grid,
     /// Raw colour, in grids with the same channels as the field's.
     pub color: Vec<Grid>,

@@ -1,4 +1,4 @@
-//! A grid of one or more channels that is read where it lies.
+//! A grid of one or more channels that is read in place.
 
 use crate::base::bytes::Storage;
 use crate::base::error::Result;
@@ -36,8 +36,8 @@ impl Volume {
         self
     }
 
-    /// True if the values lie in the storage one after the other in C order and fill it. Then
-    /// reading all of them reads the same bytes that the storage's checksum covers.
+    /// True if the values fill the storage contiguously in C order, so that the storage's checksum
+    /// covers exactly these bytes.
     pub fn fills_storage(&self) -> bool {
         let [nx, ny, nz] = self.nodes.0.map(|n| n as u64);
         let dense = [nx * ny * nz, ny * nz, nz];
@@ -53,8 +53,8 @@ impl Volume {
     }
 
     /// Reads `out.len()` consecutive values that start at node `(x, y, z)` of `channel`. They may
-    /// run on over rows where rows follow each other ([`Volume::rows_are_contiguous`]).
-    /// `hash` gets the bytes as stored; `scratch` holds them where they are no float32.
+    /// span several rows if rows are contiguous ([`Volume::rows_are_contiguous`]). `hash` gets the
+    /// bytes as stored; `scratch` holds them if they are not float32.
     pub fn read_run(
         &self,
         channel: usize,

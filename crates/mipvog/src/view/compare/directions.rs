@@ -1,7 +1,7 @@
-//! Visible colours along directions, against those of the model that they were made of.
+//! Visible colours along directions, compared with those of the original model.
 //!
-//! Rays start at given eyes. A sample counts by its share of its ray's light, so the figures are
-//! of what pictures show, and not of the inside of walls.
+//! Rays start at given eyes. A sample is weighted by its share of its ray's light, so the figures
+//! describe pictures, not the inside of walls.
 
 use glam::DVec3;
 
@@ -22,17 +22,17 @@ const CHUNK: usize = 64;
 const LEAST_WEIGHT: f64 = 1e-3;
 /// Transmittance at which a ray ends.
 const OPAQUE: f64 = 1e-3;
-/// Powers of this number are spread evenly in three dimensions.
+/// The powers of this number give an evenly spread sequence in three dimensions.
 const SPREAD: f64 = 1.220_744_084_605_759_5;
 
 /// Colours along directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectionErrors {
-    /// PSNR of colours, limited to 0 to 1, in dB; without a bound where they are equal. `None` where
-    /// no ray met a visible sample.
+    /// PSNR of colours, clamped to 0 to 1, in dB; infinite if they are equal. `None` if no ray met
+    /// a visible sample.
     pub psnr: Option<f64>,
-    /// Share of the samples' weight with a channel that is limited at 0. `None` where colours are
-    /// not limited so, or without samples.
+    /// Share of the samples' weight with a channel that is clamped at 0. `None` if colours are not
+    /// clamped this way, or without samples.
     pub clamped_share: Option<f64>,
 }
 
@@ -44,8 +44,8 @@ struct Sums {
     clamped: f64,
 }
 
-/// Compares the colours of `baked`, at level 0 and along rays from `eyes`, with those of `reference`
-/// at the same points. [`Step::Render`] advances by rays.
+/// Compares the colours of `baked`, at level 0 and along rays from `eyes`, with those of
+/// `reference` at the same points. [`Step::Render`] advances by rays.
 ///
 /// # Errors
 ///
@@ -94,12 +94,12 @@ fn follow(
     progress: &dyn Progress,
 ) -> Result<()> {
     let view = baked.view();
-    // Of nested boxes, the innermost: level 0 shows that one alone.
+    // The innermost of nested boxes, the only one that level 0 shows.
     let Bounds { min, max } = view.finest_bounds;
     let [min, max] = [min, max].map(|corner| DVec3::from(corner.map(f64::from)));
     let share = [1, 2, 3].map(|power| (0.5 + number as f64 * SPREAD.powi(-power)).fract());
     let eye = DVec3::from(eye);
-    // An eye at that very point looks nowhere.
+    // An eye at the point itself has no direction.
     let to_point = min + (max - min) * DVec3::from(share) - eye;
     let Some(direction) = to_point.try_normalize() else { return Ok(()) };
     let (origin, along) = (eye.to_array(), direction.to_array());

@@ -12,23 +12,23 @@ pub struct Picture {
     pub height: usize,
     /// Colour over the background.
     pub color: Vec<[f32; 3]>,
-    /// The same without view-dependent colour, where that is known.
+    /// The same without view-dependent colour, if known.
     pub diffuse: Option<Vec<[f32; 3]>>,
-    /// Opacity, where that is known.
+    /// Opacity, if known.
     pub opacity: Option<Vec<f32>>,
-    /// The mean level that a field's samples read, by their share of the picture; none where
-    /// nothing shows, and of photographs.
+    /// The mean level of a field's samples, weighted by their share of the picture; none for blank
+    /// pictures and photographs.
     pub level: Option<f64>,
 }
 
 impl Picture {
-    /// True if nothing shows: all of it is transparent.
+    /// True if the picture is blank: fully transparent.
     pub fn is_blank(&self) -> bool {
         self.opacity.as_ref().is_some_and(|all| all.iter().all(|opacity| *opacity == 0.0))
     }
 }
 
-/// Identical pictures have this PSNR; a mean square error below 1e-20 is none.
+/// The PSNR of identical pictures; a mean square error below 1e-20 counts as 0.
 const HIGHEST_PSNR: f64 = 200.0;
 /// Standard deviation of the window of structural similarity, in pixels.
 const WINDOW_DEVIATION: f64 = 1.5;
@@ -43,7 +43,7 @@ pub fn square_error(want: &[f32], got: &[f32]) -> f64 {
     pairs.map(|(want, got)| (f64::from(*want) - f64::from(*got)).powi(2)).sum()
 }
 
-/// `-10 log10(mean square error)`, in dB, of the sum of so many squares.
+/// `-10 log10(mean square error)`, in dB, of the sum of this many squares.
 pub fn psnr_of(square_error: f64, count: usize) -> f64 {
     let mean = square_error / count.max(1) as f64;
     if mean < 1e-20 { HIGHEST_PSNR } else { -10.0 * libm::log10(mean) }
@@ -132,7 +132,7 @@ impl Errors {
         for (want, got) in want.iter().zip(got) {
             let error = (f64::from(*want) - f64::from(*got)).abs().min(1.0);
             self.largest = self.largest.max(error);
-            // Rounded up, so that a quantile is never below the true one.
+            // Rounded up, so that quantiles are never too low.
             self.histogram[(error * BINS as f64).ceil() as usize] += 1;
         }
     }
@@ -142,7 +142,7 @@ impl Errors {
         self.largest
     }
 
-    /// The least error that is not exceeded by this share of all, up to 2^-16 too large.
+    /// The quantile of errors at this share, at most 2^-16 too large.
     pub fn quantile(&self, share: f64) -> f64 {
         let total: u64 = self.histogram.iter().sum();
         let mut left = (total as f64 * share).ceil();
@@ -183,8 +183,8 @@ impl Picture {
         }
     }
 
-    /// The largest channel's error of each pixel as a colour: black for none, through red and
-    /// yellow to white for `full` and above.
+    /// The largest channel error of each pixel as a colour: from black for 0 through red and yellow
+    /// to white for `full` and above.
     pub fn heat_map(&self, other: &Self, full: f32) -> Vec<u8> {
         let heat = |(a, b): (&[f32; 3], &[f32; 3])| {
             let error = (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);

@@ -2,8 +2,8 @@
 //!
 //! The reference is rendered at full size (supersampled on request), clamped to 0 to 1 as an 8-bit
 //! picture would be, and box-downsampled in the colour space of training. The field is rendered at
-//! each scale with one ray a pixel, and clamped. [`metrics`] has the figures, [`Reference`] the
-//! pictures to compare with, and [`References`] keeps them where several fields are compared.
+//! each scale with one ray per pixel, and clamped. [`metrics`] has the figures, [`Reference`] the
+//! pictures to compare with, and [`References`] caches them for comparisons of several fields.
 
 mod directions;
 pub mod metrics;

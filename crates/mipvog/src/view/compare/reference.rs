@@ -1,4 +1,4 @@
-//! The right pictures of a field: another field's, or photographs.
+//! Reference pictures: another field's, or photographs.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::model::camera::{self, Camera};
 use crate::picture;
 use crate::view::render::{Frame, FrameOptions, Renderer, render};
 
-/// Source of the right pictures.
+/// Source of reference pictures.
 pub enum Reference {
     /// Rendered from a field.
     Field(Box<Renderer>),
@@ -27,7 +27,7 @@ pub enum Reference {
 }
 
 impl Reference {
-    /// The right picture at the camera's size, clamped.
+    /// The reference picture at the camera's size, clamped.
     pub fn picture(
         &self,
         camera: &Camera,
@@ -44,8 +44,7 @@ impl Reference {
 }
 
 impl Picture {
-    /// A field's picture, clamped at as many times the camera's size as it is supersampled, and then
-    /// averaged.
+    /// A field's picture: rendered at the supersampled size, clamped, then averaged.
     pub fn of_field(
         field: &Renderer,
         camera: &Camera,
@@ -90,11 +89,11 @@ fn mean_level(frame: &Frame) -> Option<f64> {
     (weights > 0.0).then(|| levels / weights)
 }
 
-/// A camera's photograph, box-downsampled to the fewest pixels of which `longest` or more lie along
-/// its longer side, and the camera with as many. Transparent pixels show `background`.
+/// A camera's photograph and the camera itself, box-downsampled to the smallest size with at least
+/// `longest` pixels along the longer side. Transparent pixels show `background`.
 ///
 /// # Errors
-/// A missing picture, one that cannot be read, or one above the memory of `limits`.
+/// A picture that is missing, cannot be read, or exceeds the memory of `limits`.
 pub fn photograph(
     folder: &Path,
     camera: &Camera,
@@ -130,7 +129,7 @@ fn photograph_of_size(
     Ok(read_photograph(&path, background, limits)?.downsampled(factor))
 }
 
-/// A photograph as it is.
+/// A photograph at its own size.
 fn read_photograph(path: &Path, background: [f32; 3], limits: &Limits) -> Result<Picture> {
     let pixels: u64 = picture::size(path)?.into_iter().map(|side| side as u64).product();
     // As decoded, as colours, and opacity.
@@ -172,8 +171,8 @@ pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
     })
 }
 
-/// Tells of a photograph that two cameras of different pictures share, as in a folder of one of two
-/// rigs.
+/// Detects a photograph that two cameras with different pictures share, as in a folder with only
+/// one of two rigs.
 pub fn shared_photograph(folder: &Path, cameras: &[Camera]) -> Option<String> {
     let mut taken: BTreeMap<PathBuf, &Camera> = BTreeMap::new();
     for camera in cameras {

@@ -1,4 +1,4 @@
-//! The right pictures of all cameras at all scales.
+//! Reference pictures of all cameras at all scales.
 
 use super::metrics::Picture;
 use super::reference::Reference;
@@ -8,26 +8,26 @@ use crate::base::progress::Progress;
 use crate::model::camera::Camera;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, tiles};
 
-/// The right pictures that fields are compared with. Pictures are made when they are first wanted.
+/// The reference pictures that fields are compared with. Pictures are made on first use.
 pub struct References<'a> {
     reference: &'a Reference,
     cameras: &'a [Camera],
     scales: &'a [usize],
     supersample: usize,
-    /// True if the reference is rendered at each scale as the field is.
+    /// True if the reference is rendered at each scale, like the field.
     alike: bool,
     /// The levels that samples read.
     levels: LevelChoice,
-    /// Each camera's pictures, one a scale, where they are kept.
+    /// Each camera's pictures, one per scale, if they are cached.
     kept: Vec<Option<Vec<Picture>>>,
-    /// For each camera, true if its pictures were paid for.
+    /// For each camera, true if the memory of its pictures is already counted.
     paid: Vec<bool>,
-    /// Memory for kept pictures; none keeps none.
+    /// Memory for cached pictures; none disables the cache.
     budget: Option<Budget>,
 }
 
 impl<'a> References<'a> {
-    /// Pictures that are forgotten once compared with.
+    /// Without a cache: pictures are dropped after each comparison.
     pub fn new(
         reference: &'a Reference,
         cameras: &'a [Camera],
@@ -41,7 +41,7 @@ impl<'a> References<'a> {
         Self { reference, cameras, scales, supersample, alike, levels, kept, paid, budget }
     }
 
-    /// Samples read these levels, of both sides as far as they are fields.
+    /// Samples of both sides read these levels, if they are fields.
     #[must_use]
     pub fn with_levels(self, levels: LevelChoice) -> Self {
         Self { levels, ..self }
@@ -54,8 +54,8 @@ impl<'a> References<'a> {
         Self { alike: true, ..self }
     }
 
-    /// Keeps pictures for the next field, as long as the memory of `limits` lasts; pictures beyond
-    /// it are made again each time.
+    /// Caches pictures for the next field within the memory of `limits`; pictures beyond it are
+    /// made again each time.
     #[must_use]
     pub fn keep(self, limits: &Limits) -> Self {
         Self { budget: Some(Budget::new(limits)), ..self }
@@ -69,7 +69,7 @@ impl<'a> References<'a> {
         self.scales
     }
 
-    /// The pictures of a camera, one a scale.
+    /// The pictures of a camera, one per scale.
     pub(super) fn take(&mut self, number: usize, progress: &dyn Progress) -> Result<Vec<Picture>> {
         if let Some(pictures) = self.kept[number].take() {
             return Ok(pictures);
@@ -124,7 +124,7 @@ impl<'a> References<'a> {
         made.map(|(camera, _)| reference(camera)).sum::<u64>() + self.field_work()
     }
 
-    /// Those of them that render the field and not the reference.
+    /// The units among them that render the field, not the reference.
     pub fn field_work(&self) -> u64 {
         self.cameras.iter().map(|camera| self.at_scales(camera)).sum()
     }

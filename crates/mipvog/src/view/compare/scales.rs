@@ -17,8 +17,8 @@ pub struct ScaleErrors {
     pub scale: usize,
     /// Mean over frames of each frame's PSNR over all pixels and RGB, in dB; at most 200.
     pub psnr: f64,
-    /// PSNR of the mean square error over the pixels of all frames, in dB; at most 200. A frame that
-    /// is blank or equal cannot carry a worse one, so gates use this.
+    /// PSNR of the mean square error over the pixels of all frames, in dB; at most 200. A frame
+    /// that is blank or equal cannot carry a worse one, so gates use this.
     pub pooled_psnr: f64,
     /// Mean over frames of the structural similarity; null for pictures below 11 pixels a side.
     pub ssim: Option<f64>,
@@ -32,8 +32,8 @@ pub struct ScaleErrors {
     pub psnr_diffuse: Option<f64>,
     /// PSNR of opacity alone: silhouettes; null against pictures without alpha.
     pub psnr_opacity: Option<f64>,
-    /// The mean level that samples of the field read. Above 0 the pictures are so small that coarser
-    /// levels are read, and the error is theirs too; null where nothing shows.
+    /// The mean level that samples of the field read. Above 0 the pictures are so small that
+    /// coarser levels are read, and the error is theirs too; null where nothing shows.
     pub mean_level: Option<f64>,
     /// Frames in which nothing shows, neither of the field nor of the reference.
     pub blank_frames: Vec<String>,

@@ -1,4 +1,4 @@
-//! Interpolated values of a sample to its colour.
+//! Converts interpolated values of a sample to its colour.
 
 use crate::model::activate::lanes;
 use crate::model::directional::{DIRECTIONAL, added_logit};
@@ -13,17 +13,17 @@ use crate::view::sample::brightness;
 pub enum ColorRule<'a> {
     /// Values are logits.
     Logit,
-    /// Values are logits. The last lanes hold directional brightness, which this unit direction
-    /// turns into an addend of the first three. The last lanes of the result are 0.
+    /// Values are logits. The last lanes hold directional brightness; its dot product with this
+    /// unit direction is added to the first three. The last lanes of the result are 0.
     Directional([f32; DIRECTIONAL]),
     /// Values are colours.
     Linear,
-    /// Values are coefficients of harmonics. Of the result only three lanes are not 0.
+    /// Values are coefficients of harmonics. Only three lanes of the result are not 0.
     Harmonics(&'a Harmonics, Basis),
 }
 
 impl<'a> ColorRule<'a> {
-    /// Of rays with this unit direction.
+    /// For rays with this unit direction.
     pub fn of(view: &'a View, direction: [f64; 3]) -> Self {
         match (&view.view_dependence, view.color_domain) {
             (Some(ViewDependence::Harmonics(rules)), _) => Self::Harmonics(rules, basis(direction)),
@@ -55,7 +55,7 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// Limits the sums of a ray.
+    /// Clamps the sums of a ray.
     pub fn finish<const C: usize>(&self, color: &mut [f32; C]) {
         if let Self::Harmonics(rules, _) = self {
             let limited = rules.ray([0, 1, 2].map(|channel| color[channel]));
@@ -63,7 +63,7 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// The derivative by a ray's sums, where that by its limited colour is `by_color`.
+    /// The derivative by a ray's sums, given the derivative `by_color` by its clamped colour.
     pub fn by_sums<const C: usize>(&self, color: &[f32; C], by_color: &mut [f32; C]) {
         if let Self::Harmonics(rules, _) = self
             && rules.evaluation == Evaluation::Ray
@@ -74,7 +74,8 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// The derivative by interpolated values, where that by their `activated` colours is `by_color`.
+    /// The derivative by interpolated values, given the derivative `by_color` by their `activated`
+    /// colours.
     #[inline(always)]
     pub fn by_values<const C: usize>(&self, activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
         match self {
@@ -103,7 +104,7 @@ impl<'a> ColorRule<'a> {
     }
 }
 
-/// The derivative by logits, where that by their `activated` values is `by_color`.
+/// The derivative by logits, given the derivative `by_color` by their `activated` values.
 #[inline(always)]
 fn by_logits<const C: usize>(activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
     std::array::from_fn(|lane| by_color[lane] * activated[lane] * (1.0 - activated[lane]))

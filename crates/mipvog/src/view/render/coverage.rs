@@ -2,20 +2,20 @@
 //!
 //! A sample's weight is its opacity times the transmittance before it, as in compositing.
 //!
-//! **Rays.** A ray is followed through every point of a lattice over the box's rectangle in the
-//! picture. At the depth of the box's farthest corner, the lattice's points are a node apart or
-//! closer. The eight cells around a node hold a ball whose radius is the spacing of nodes, and the
-//! ball's picture holds a disc: some ray has a chord of at least a step through it. So every node in
-//! front of the camera has a sample in a cell beside it, whatever the lens, the distance and the
+//! **Rays.** One ray goes through every point of a lattice over the box's rectangle in the picture.
+//! At the depth of the box's farthest corner, the lattice's points are at most one node spacing
+//! apart. The eight cells around a node hold a ball whose radius is the spacing of nodes, and the
+//! ball's picture holds a disc: some ray has a chord of at least a step through it. So every node
+//! in front of the camera has a sample in an adjacent cell, whatever the lens, the distance and the
 //! size of the pictures. The number of rays is bounded ([`MAX_RAYS_A_CELL`]); lenses wider than a
 //! right angle can miss nodes far away.
 //!
 //! **Importance.** An error `e` of a node's colour moves a ray's colour by `e` times the sum, over
-//! the ray's samples, of the weight times the node's trilinear share. Errors of nodes along a ray
-//! are alike in fog, where one node has hardly any weight. So a ray adds to each node that sum
-//! times the sum of all weights of the ray: the part of the squared error that the node answers for
-//! if all nodes of the ray err alike. Every ray counts as the part of the camera's picture that it
-//! stands for, so that all cameras count alike.
+//! the ray's samples, of the weight times the node's trilinear share. In fog, a single node has
+//! hardly any weight, but errors along a ray are similar. So a ray adds that sum times the sum of
+//! all its weights to each node: the node's share of the squared error if all nodes of the ray have
+//! the same error. Every ray is weighted by its share of the camera's picture, so that all cameras
+//! count equally.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -34,13 +34,13 @@ use crate::view::sample::SampleLevels;
 use crate::view::sample::View;
 use crate::view::sample::optical_depth;
 
-/// Rays along each side of a camera's lattice, at most, for each of the closest cells along the
-/// box's longest edge.
+/// Maximum rays along each side of a camera's lattice per cell of the box's longest edge, for the
+/// closest cells.
 const MAX_RAYS_A_CELL: f64 = 8.0;
-/// The sum of one node over all cameras, at most: a quarter of what 64 bits hold, so that rounding
-/// up has room.
+/// Maximum sum of one node over all cameras: a quarter of the 64-bit range, which leaves room for
+/// rounding up.
 const MAX_SUM: f64 = (1u64 << 62) as f64;
-/// Cameras that are followed at once, each with a mask of its own.
+/// Cameras that are traced at once, each with its own mask.
 const BATCH: usize = 8;
 
 /// The part of level 0 that cameras see.
@@ -48,12 +48,12 @@ const BATCH: usize = 8;
 pub struct CameraCoverage {
     /// The cells in which a ray has a sample of enough weight.
     pub cells: CellMask,
-    /// The importance of each node, z fastest, in units of the mean of the values above 0; 0 where
-    /// no ray meets anything.
+    /// The importance of each node, z fastest, in units of the mean of the values above 0; 0 if no
+    /// ray hits anything there.
     pub importance: Vec<f32>,
 }
 
-/// Follows rays of all `cameras` through level 0. Cells with a sample of at least `least_weight`, 0
+/// Traces rays of all `cameras` through level 0. Cells with a sample of at least `least_weight`, 0
 /// to 1, count as covered. The result does not depend on the number of threads.
 ///
 /// # Errors
@@ -68,7 +68,7 @@ pub fn camera_coverage(
     view.check()?;
     cameras.iter().try_for_each(Camera::check)?;
     let mut cells = CellMask::empty(view.nodes);
-    // Whole numbers, so that the sums are the same in any order of rays.
+    // Integers, so that sums do not depend on the order of rays.
     let sums: Vec<AtomicU64> = (0..view.nodes.count()).map(|_| AtomicU64::new(0)).collect();
     progress.begin(Step::Cover, cameras.len() as u64);
     for batch in cameras.chunks(BATCH) {
@@ -97,7 +97,7 @@ fn relative(sums: &[AtomicU64]) -> Vec<f32> {
     sums().map(|sum| (sum as f64 / mean.max(f64::MIN_POSITIVE)) as f32).collect()
 }
 
-/// The points of a camera's picture that rays go through.
+/// The points of a camera's picture with a ray.
 struct Lattice {
     /// The camera, with a picture of one pixel for each point.
     camera: Camera,
@@ -107,7 +107,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    /// None where no part of the box is in front of the camera.
+    /// None if no part of the box is in front of the camera.
     fn new(view: &View, camera: &Camera) -> Option<Self> {
         let to_camera = camera.to_world.inverse();
         let Bounds { min, max } = view.finest_bounds;
@@ -135,8 +135,8 @@ impl Lattice {
             let pixels = [camera.lens.width, camera.lens.height][axis] as f64;
             (pixels * factor * wanted[axis] / camera.lens.focal[axis]).ceil().max(1.0)
         };
-        // The rectangle in shares of the picture. A box that reaches behind the camera can be
-        // anywhere in it.
+        // The rectangle in shares of the picture. A box that extends behind the camera may cover
+        // all of it.
         let behind = depths.iter().any(|&depth| depth < 1e-6 * farthest);
         let share = |axis: usize| {
             if behind {
@@ -167,7 +167,7 @@ impl Lattice {
         Some(Self { camera: Camera { lens, ..camera.clone() }, columns, rows })
     }
 
-    /// Points of all of the picture, of which the box's rectangle is a part.
+    /// Points of the whole picture, which the box's rectangle is a part of.
     fn points_of_picture(&self) -> f64 {
         self.camera.lens.width as f64 * self.camera.lens.height as f64
     }
@@ -188,7 +188,7 @@ struct Weighted {
     weight: f32,
 }
 
-/// Follows the rays of one camera.
+/// Traces the rays of one camera.
 fn follow<const C: usize>(
     view: &View,
     field: &impl SampleLevels<C>,
@@ -224,7 +224,7 @@ fn follow<const C: usize>(
                     let weight = opacity * lanes::exp(-depth as f32);
                     depth += f64::from(optical);
                     if number > 0 {
-                        // Shells hide what is behind them, and are kept as they are.
+                        // Shells occlude, but are kept unchanged.
                         return depth < OPAQUE_DEPTH;
                     }
                     let position =
@@ -253,7 +253,7 @@ fn corners(nodes: Nodes, position: [f64; 3]) -> ([usize; 3], [f32; 3]) {
 /// The sums of all nodes.
 struct ImportanceBuffer<'a> {
     nodes: Nodes,
-    /// The sum of a ray whose whole weight is one node's.
+    /// The sum of a ray with all its weight on one node.
     unit: f64,
     sums: &'a [AtomicU64],
 }
@@ -271,7 +271,7 @@ impl ImportanceBuffer<'_> {
                 });
                 let [x, y, z] = [0, 1, 2].map(|axis| sample.cell[axis] + up[axis]);
                 let node = (x * self.nodes.0[1] + y) * self.nodes.0[2] + z;
-                // Rounded up: a node that shows at all has some importance.
+                // Rounded up, so that every visible node has some importance.
                 let part = (f64::from(share) * total * self.unit).ceil() as u64;
                 self.sums[node].fetch_add(part, Ordering::Relaxed);
             }

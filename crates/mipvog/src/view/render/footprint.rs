@@ -2,7 +2,7 @@
 //!
 //! `rho` is the larger, over the picture's x and y, of the distance in voxels of size `(max - min)
 //! / N` between a sample and one on the ray half a pixel aside (of the same distance or the same
-//! index, as the rule says), divided by that half pixel; [`LevelOfDetail`] turns it into a level.
+//! index, as the rule says), divided by that half pixel; [`LevelOfDetail`] converts it to a level.
 //! Both rays' samples move linearly with their index, so the offset is linear and `rho^2` a
 //! quadratic in it.
 
@@ -12,7 +12,7 @@ use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
 /// The rule for a ray's level of detail at each sample.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
-    /// `rho^2` of the rays aside along x and y: its parts that are constant, linear and square in
+    /// `rho^2` of the rays aside along x and y: its constant, linear and quadratic coefficients in
     /// the index.
     squares: [[f64; 3]; 2],
     rule: LevelOfDetail,
@@ -21,8 +21,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// From the sides' offsets in voxels for a whole pixel, `[x or y][at index 0, a step]`;
-    /// `levels` are the finest and the coarsest that may be read.
+    /// From the sides' offsets in voxels for a whole pixel, `[x or y][at index 0, per step]`;
+    /// `levels` are the finest and the coarsest readable level.
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
         let last = rule.bound.map_or(coarsest, |bound| bound.min(coarsest)).max(finest);
@@ -50,15 +50,14 @@ impl Footprint {
         self.level(self.square(k, 0).max(self.square(k, 1)))
     }
 
-    /// `rho^2` of one side at index `k`. Next to its least value rounding may leave less than
-    /// nothing.
+    /// `rho^2` of one side at index `k`. Near its minimum, rounding may make it negative.
     #[inline(always)]
     fn square(&self, k: f64, side: usize) -> f64 {
         let [constant, linear, square] = self.squares[side];
         (constant + k * (linear + k * square)).max(0.0)
     }
 
-    /// Bounds of the levels of all samples from `first` to `last`, equal where the level is.
+    /// Bounds of the levels of all samples from `first` to `last`; equal if the level is constant.
     pub fn range(&self, first: f64, last: f64) -> [f32; 2] {
         if self.finest == self.last {
             return [self.last; 2];
@@ -73,7 +72,7 @@ impl Footprint {
         [self.level(f64::max(least[0], least[1])).min(highest), highest]
     }
 
-    /// The level of a footprint whose square is this.
+    /// The level of a footprint with this square.
     #[inline(always)]
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.

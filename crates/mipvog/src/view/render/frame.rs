@@ -21,7 +21,7 @@ const TILE: usize = 16;
 /// The level that samples read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LevelChoice {
-    /// By the field's rule.
+    /// Picked by the field's rule.
     #[default]
     Auto,
     /// Always this one.
@@ -54,8 +54,8 @@ pub struct Frame {
     pub color: Vec<[f32; 3]>,
     /// Light left behind the field.
     pub transmittance: Vec<f32>,
-    /// Expected distance in world units; light that passes the field counts at `far`, if there is
-    /// one.
+    /// Expected distance in world units; light that passes through the field has the distance
+    /// `far`, if set.
     pub distance: Vec<f32>,
     /// Weighted mean level of the samples; 0 where there are none.
     pub level: Vec<f32>,
@@ -74,7 +74,8 @@ pub struct Statistics {
     pub rays: u64,
     /// Number of interpolated samples; not counted for models with rules of their own.
     pub samples: u64,
-    /// Number of samples between the entry and exit of rays, interpolated or skipped; likewise.
+    /// Number of samples between the entry and exit of rays, interpolated or skipped; also not
+    /// counted for such models.
     pub steps: u64,
 }
 
@@ -112,13 +113,13 @@ pub fn render(
     render_by(field, field.view(), camera, options, progress)
 }
 
-/// The same picture without the colours of nodes, which take most of the time.
+/// The same picture without colours, which take most of the time.
 ///
 /// # Errors
 /// As [`render`].
 pub fn render_depths(field: &Renderer, camera: &Camera, progress: &dyn Progress) -> Result<Frame> {
     let mut view = field.view().clone();
-    // No weight is above it.
+    // No weight exceeds it.
     view.march.color_threshold = 1.0;
     render_by(field, &view, camera, &FrameOptions::default(), progress)
 }
@@ -242,7 +243,7 @@ fn render_tile<const C: usize>(
     let needs_footprint = fixed.is_none() && view.level_of_detail.is_some() && field.levels() > 1;
     for y in origin[1]..origin[1] + size[1] {
         for x in origin[0]..origin[0] + size[0] {
-            // A ray may have a million samples: a row of them would be seconds.
+            // A ray may have a million samples, so a row of rays could take seconds.
             if progress.cancelled() {
                 return Err(Error::cancelled());
             }

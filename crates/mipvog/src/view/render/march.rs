@@ -8,8 +8,7 @@ use crate::model::camera::Ray;
 use crate::view::sample::SampleLevels;
 use crate::view::sample::View;
 
-/// Optical depth from which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over
-/// white.
+/// Optical depth at which a ray ends: transmittance 1e-5, a hundredth of an 8-bit step over white.
 pub(super) const OPAQUE_DEPTH: f64 = 11.6;
 
 /// Sums along a ray.
@@ -25,7 +24,7 @@ pub struct Gathered<const C: usize> {
     pub level: f32,
     /// Samples that were interpolated.
     pub samples: u32,
-    /// Samples between entry and exit, looked at or not.
+    /// Samples between entry and exit, visited or skipped.
     pub steps: u32,
 }
 

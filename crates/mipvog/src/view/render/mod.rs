@@ -1,12 +1,11 @@
 //! The reference renderer of trained and baked fields.
 //!
-//! One code path above [`crate::view::sample::SampleLevels`]. A [`View`] is the one set of
-//! rules of a trained scene or of a container's metadata; [`route`] walks a ray: level of detail from the
-//! pixel's footprint, jumps over empty space, transmittance as accumulated optical depth, and
-//! [`nested_route`] the boxes that it passes;
-//! [`packet`] interpolates, activates and composites many samples at once; [`frame`] renders tiles
-//! of a picture in parallel and adds the view-dependent colour, many rays at a time. The picture
-//! does not depend on the number of threads.
+//! All fields share one code path above [`crate::view::sample::SampleLevels`]. A [`View`] holds the
+//! rules of a trained scene or of a container's metadata; [`route`] walks a ray: level of detail
+//! from the pixel's footprint, jumps over empty space, transmittance as accumulated optical depth.
+//! [`nested_route`] handles nested boxes; [`packet`] interpolates, activates and composites many
+//! samples at once; [`frame`] renders tiles of a picture in parallel and adds the view-dependent
+//! colour, many rays at a time. The picture does not depend on the number of threads.
 
 mod color_rule;
 mod coverage;

@@ -1,14 +1,14 @@
-//! A ray through nested boxes: in the smallest box that holds them, samples read no finer level than
-//! that of the box, and are at least as far apart as its nodes.
+//! A ray through nested boxes. In the smallest box that contains them, samples read no finer level
+//! than the box's own, and are at least as far apart as its nodes.
 //!
-//! A sample of box `m` is followed `2^m` steps later, or as its level of detail says. Where the ray
-//! enters a smaller box before that, it is followed by the first whole number of steps that is in
-//! that box: what stands there is not stepped over.
+//! The next sample in box `m` comes `2^m` steps later, or later by the level of detail. If the ray
+//! enters a smaller box before that, the next sample is the first whole step in that box, so that
+//! no step skips its content.
 
 use super::path::Path;
 use crate::model::grid::BoxFrame;
 
-/// Nested boxes of a container, at most.
+/// Maximum nested boxes of a container.
 const MAX_BOXES: usize = 32;
 
 /// The part of a ray up to the next box.
@@ -22,7 +22,7 @@ pub struct Region {
     pub step: [f64; 3],
     /// No sample of the region has a smaller number.
     pub first: f64,
-    /// None has a larger one.
+    /// No sample of the region has a larger number.
     pub last: f64,
     /// The number at which the next box starts, or one beyond the last sample.
     pub end: f64,
@@ -44,7 +44,7 @@ impl Region {
         [along(0), along(1), along(2)]
     }
 
-    /// The number of the sample after `k`, where it would be `next`.
+    /// The number of the sample after `k`, which would be `next` without a region's end.
     #[inline(always)]
     pub fn entered(&self, k: f64, next: f64) -> f64 {
         if self.is_entered && next > self.end {
@@ -83,7 +83,7 @@ impl Crossings {
         let holds = |[first, last]: &[f64; 2]| *first <= k && k <= *last;
         let number = ranges.iter().position(holds).unwrap_or(boxes.len() - 1);
         let (start, step) = path.placed_in(&boxes[number]);
-        // The largest of the smaller boxes is the one that is entered first.
+        // The ray enters the largest of the smaller boxes first.
         let enters = ranges[..number].iter().rev().map(|[first, _]| *first);
         let entered = enters.into_iter().find(|&first| first > k && first.is_finite());
         let leaves = ranges[number][1];

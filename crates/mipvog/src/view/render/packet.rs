@@ -17,18 +17,18 @@ const PACKET: usize = 16;
 pub struct Packet {
     /// The finer of the levels that the samples blend.
     level: usize,
-    /// The part of the field that shows it.
+    /// The part of the field that they lie in.
     part: usize,
     count: usize,
     k: [f64; PACKET],
     /// Share of the next coarser level.
     blend: [f32; PACKET],
-    /// Intervals that a sample stands for.
+    /// Intervals per sample.
     intervals: [f32; PACKET],
 }
 
-/// Sums over a ray's packets. In f64: a ray may have 10^5 samples, and in f32 equal small ones
-/// would all be rounded the same way, to a part in 300 of their sum.
+/// Sums over a ray's packets. In f64: a ray may have 10^5 samples, and in f32, equal small addends
+/// would all round the same way, with an error of 1/300 of their sum.
 pub struct Sums<const C: usize> {
     /// Optical depth.
     pub depth: f64,
@@ -54,7 +54,7 @@ struct Located {
     cells: [[Option<Cell>; 2]; PACKET],
     /// Densities of the finer and the coarser level.
     density: [[f32; PACKET]; 2],
-    /// Optical depths of both, times this, are those over one interval.
+    /// Factor from optical depths of both to those over one interval.
     scales: [f32; 2],
     /// Meaning of the finer level's densities.
     domain: DensityDomain,
@@ -77,14 +77,14 @@ impl Packet {
         Self { level: 0, part: 0, count: 0, k, blend, intervals }
     }
 
-    /// True if a sample of a part of the field has to wait until the packet is shaded.
+    /// True if a sample of a part of the field must wait until the packet is shaded.
     #[inline(always)]
     pub fn refuses(&self, part: usize) -> bool {
         self.count == PACKET || (self.part != part && self.count > 0)
     }
 
-    /// Adds sample `k`, which stands for `intervals`, of a level of detail from `level`, which a
-    /// part of the field shows, to the next.
+    /// Adds sample `k` of `intervals` intervals in a part of the field, with a level of detail
+    /// between `level` and the next.
     #[inline(always)]
     pub fn push(&mut self, k: f64, [level, part]: [usize; 2], blend: f32, intervals: f32) {
         (self.level, self.part) = (level, part);

@@ -6,8 +6,8 @@ use crate::model::camera::Ray;
 use crate::model::grid::BoxFrame;
 use crate::view::sample::View;
 
-/// A sample no farther than this from a face of the box, in shares of the box, lies on it: entries
-/// are faces, and rounding must not decide whether a ray's first sample counts.
+/// A sample at most this far from a face, in shares of the box, lies on it. Rays enter at faces,
+/// and rounding must not decide whether the first sample counts.
 const ON_FACE: f64 = 1e-9;
 
 /// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each
@@ -72,8 +72,8 @@ impl Path {
         [along(0), along(1), along(2)]
     }
 
-    /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: of sample
-    /// 0, and its growth with each step.
+    /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: at sample
+    /// 0, and its change per step.
     pub fn offsets(
         &self,
         view: &View,
@@ -87,7 +87,7 @@ impl Path {
             }
             FootprintNeighbour::SameDistance => samples(view, other, self.entry, self.t_step),
         };
-        // Positions are shares of the box, which is N voxels along an axis.
+        // Positions are in shares of the box, which is N voxels long along an axis.
         let along = view.voxels();
         let voxels = |axis: usize| 2.0 * along[axis];
         [
@@ -96,8 +96,8 @@ impl Path {
         ]
     }
 
-    /// The samples that lie in a nested box, on its faces among them: numbers of the first and the
-    /// last, which need not be whole. None if the ray misses it.
+    /// The samples in a nested box, including its faces: numbers of the first and the last,
+    /// possibly fractional. None if the ray misses it.
     pub fn within(&self, frame: &BoxFrame) -> Option<[f64; 2]> {
         let (start, step) = self.placed_in(frame);
         let (mut first, mut last) = (self.first, self.last);
@@ -114,13 +114,13 @@ impl Path {
         (first <= last).then_some([first, last])
     }
 
-    /// Sample 0 and the way from one sample to the next in shares of a nested box.
+    /// Sample 0 and the step in shares of a nested box.
     pub fn placed_in(&self, frame: &BoxFrame) -> ([f64; 3], [f64; 3]) {
         let step = [0, 1, 2].map(|axis| self.step[axis] * frame.scale[axis]);
         (frame.place(self.start), step)
     }
 
-    /// Intervals that a step stands for: one, unless voxels are no cubes.
+    /// Intervals per step: one, unless voxels are not cubes.
     pub fn intervals(&self) -> f32 {
         self.intervals
     }
@@ -137,7 +137,8 @@ fn entry_t(view: &View, ray: &Ray) -> f64 {
     let extent = view.bounds.extent();
     for (axis, [low, high]) in view.march.sampled_shares(&view.bounds).into_iter().enumerate() {
         let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
-        // A ray along a face, or a hair beside it, is between the faces from the start or never.
+        // A ray along a face, or very close to it, is between the faces either from the start or
+        // never.
         if direction == 0.0 {
             continue;
         }
@@ -154,8 +155,7 @@ fn step_length(view: &View, ray: &Ray) -> f64 {
     view.march.step_length((ray.direction / ray.direction.length()).to_array())
 }
 
-/// Sample 0 at `t = entry` and the way from one sample to the next, `t_step` later, `0..=1` along
-/// each axis of the box.
+/// Sample 0 at `t = entry` and the step of `t_step`, `0..=1` along each axis of the box.
 fn samples(view: &View, ray: &Ray, entry: f64, t_step: f64) -> ([f64; 3], [f64; 3]) {
     let extent = view.bounds.extent();
     let start =

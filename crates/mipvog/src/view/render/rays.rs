@@ -19,11 +19,11 @@ use crate::view::sample::View;
 const CHUNK: usize = 256;
 
 impl Renderer {
-    /// The light along rays, all samples read from one `level`. [`Step::Render`] advances by rays.
+    /// The light along rays, with all samples from one `level`. [`Step::Render`] advances by rays.
     ///
     /// # Errors
     ///
-    /// A level that the field does not have, rules out of range, and a request to stop.
+    /// A missing level, rules out of range, and a request to stop.
     pub fn ray_colors(
         &self,
         rays: &[Ray],

@@ -1,5 +1,5 @@
-//! A field to be rendered: its rules, and its values in as many lanes as its channels need, or the
-//! model that evaluates itself.
+//! A field to be rendered: its rules, and either its values in as many lanes as its channels need,
+//! or a self-evaluating model.
 
 use super::trained::{TrainedLevels, view_of};
 use crate::base::error::{Error, Place, Result};
@@ -24,11 +24,11 @@ pub struct Renderer {
 pub(crate) enum Content {
     /// Values at nodes, rendered by the rules of a [`View`].
     Values(Lanes),
-    /// A model that has rules of its own; of the view's it takes box, background, near and far.
+    /// A model with its own rules; it takes only box, background, near and far from the view.
     Model(Box<dyn TrainedModel>),
 }
 
-/// Values whose colours and features have so many lanes; lanes without a channel are zero.
+/// Values whose colours and features have this many lanes; lanes without a channel are zero.
 #[derive(Debug)]
 pub(crate) enum Lanes {
     Four(Stored<4>),
@@ -54,7 +54,7 @@ macro_rules! with_lanes {
 }
 pub(crate) use with_lanes;
 
-/// The same with values of each kind. The kind is chosen once a picture and not once a sample.
+/// The same with values of each kind. The kind is dispatched once per picture, not per sample.
 macro_rules! with_values {
     ($lanes:expr, $values:ident => $result:expr) => {
         $crate::view::render::with_lanes!($lanes, stored => match stored {
@@ -65,7 +65,7 @@ macro_rules! with_values {
 }
 pub(crate) use with_values;
 
-/// Values for so many channels of colour and features, in the fewest lanes that hold them.
+/// Values for this many channels of colour and features, in the fewest lanes that hold them.
 macro_rules! in_lanes {
     ($channels:expr, $values:expr) => {
         match $channels {
@@ -84,9 +84,9 @@ macro_rules! in_lanes {
 }
 
 impl Renderer {
-    /// A trained field, with coarser levels if `levels` says so. All of its values are read.
+    /// A trained field, with coarser levels if `levels` has a filter. All of its values are read.
     ///
-    /// # Errors `Malformed` where the field's parts do not fit each other, `Unsupported` beyond 64
+    /// # Errors `Malformed` if the field's parts do not fit each other, `Unsupported` beyond 64
     /// channels of colour and features, and errors of reading the values.
     pub fn trained(
         field: &RadianceField,
@@ -105,7 +105,7 @@ impl Renderer {
     /// A model with rules of its own, which takes box, background, near and far from `field`.
     ///
     /// # Errors
-    /// `Malformed` where the field's parts do not fit each other, and those of loading.
+    /// `Malformed` if the field's parts do not fit each other, and those of loading.
     pub fn of_model(field: &RadianceField, model: &dyn LoadModel, limits: &Limits) -> Result<Self> {
         field.check()?;
         Ok(Self { view: view_of(field, None), content: Content::Model(model.load(limits)?) })
@@ -114,7 +114,7 @@ impl Renderer {
     /// A baked field.
     ///
     /// # Errors
-    /// `Malformed` where metadata or codes break the rules of a container.
+    /// `Malformed` if metadata or codes break the rules of a container.
     pub fn baked(field: &BakedField, limits: &Limits) -> Result<Self> {
         check_metadata(&field.metadata, limits, &Place::File)?;
         field.check()?;
@@ -127,7 +127,7 @@ impl Renderer {
     /// All levels of a container, within the limits that it was opened with.
     ///
     /// # Errors
-    /// `Malformed` where its levels are damaged, and more memory than the limits allow.
+    /// `Malformed` if its levels are damaged, and more memory than the limits allow.
     pub fn of_container(container: &Container) -> Result<Self> {
         Self::baked(&container.read()?, container.limits())
     }
@@ -143,7 +143,7 @@ impl Renderer {
         matches!(self.content, Content::Model(_))
     }
 
-    /// Leaves out all samples outside a box.
+    /// Skips all samples outside a box.
     ///
     /// # Errors
     /// `InvalidOption` for an empty box or one that misses the field's, and `Usage` for a model
@@ -179,7 +179,7 @@ impl Renderer {
         &self.view
     }
 
-    /// Number of levels, including those that a prefix of a container lacks.
+    /// Number of levels, including those missing from a prefix of a container.
     pub fn level_count(&self) -> usize {
         match &self.content {
             Content::Values(lanes) => with_values!(lanes, values => values.levels()),
@@ -187,7 +187,7 @@ impl Renderer {
         }
     }
 
-    /// The rules, to be overridden.
+    /// The rules, for overriding.
     pub fn view_mut(&mut self) -> &mut View {
         &mut self.view
     }

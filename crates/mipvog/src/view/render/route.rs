@@ -9,7 +9,7 @@ use crate::model::camera::Ray;
 use crate::view::sample::View;
 use crate::view::sample::{Macro, SkipGrid};
 
-/// A walk to all samples.
+/// A walk that visits all samples.
 pub const EVERY_SAMPLE: [f64; 2] = [0.0, 1.0];
 
 /// A sample that may be visible.
@@ -19,9 +19,9 @@ pub struct RouteSample {
     pub k: f64,
     /// Its level of detail.
     pub lambda: f32,
-    /// The intervals that it stands for.
+    /// Its intervals.
     pub intervals: f32,
-    /// The smallest nested box that it lies in; 0 where there is one box.
+    /// The smallest nested box around it; 0 if there is one box.
     pub number: usize,
 }
 
@@ -55,8 +55,9 @@ impl Route {
         Some(Self { path, footprint })
     }
 
-    /// Visits samples front to back until a visit says no. `[from, every]` leaves out so many
-    /// samples at the entry, and takes one of so many. `skip` has the empty space of each nested box.
+    /// Visits samples front to back until a visit returns false. `[from, every]` skips `from`
+    /// samples at the entry, then takes one of `every`. `skip` has the empty space of each nested
+    /// box.
     #[inline(always)]
     pub fn walk<'s>(
         &self,
@@ -80,8 +81,8 @@ impl Route {
         }
     }
 
-    /// Visits the samples of a region from `k` on. Returns the number of the sample after them; none
-    /// if a visit said no.
+    /// Visits the samples of a region from `k` on. Returns the number of the sample after them;
+    /// none if a visit returned false.
     #[inline(always)]
     fn walk_region(
         &self,
@@ -100,7 +101,7 @@ impl Route {
         // Samples between two levels read both.
         let levels = [lowest as usize - number, highest.ceil() as usize - number];
         let constant = lowest == highest;
-        // Steps from one sample to the next, where they do not depend on the sample.
+        // Steps from one sample to the next, if constant.
         let steps = match view.step_rule {
             StepRule::Constant => Some(lanes::exp2(least)),
             StepRule::LevelOfDetail => constant.then(|| lanes::exp2(lowest)),
@@ -112,7 +113,7 @@ impl Route {
             let distance = if let Macro::Empty(distance) = state { distance } else { 1 };
             let leaves = faces.leaves(place, distance);
             if let (Macro::Empty(_), Some(steps)) = (state, steps) {
-                // The first sample that has left; never the same again, however that is rounded.
+                // The first sample behind it; never the same sample again, whatever the rounding.
                 let steps = f64::from(steps) * every;
                 let passed = ((leaves.min(region.end) - k) / steps).ceil().max(1.0) * steps;
                 k = region.entered(k + passed - steps, k + passed);

@@ -12,14 +12,14 @@ use crate::view::sample::{
     Macro, Sample, SampleLevels as _, View, check_level, depth, is_sampled, sample_at, world_of,
 };
 
-/// Voxels before a point that are searched for what hides it.
+/// Number of voxels in front of a point that are searched for occluders.
 pub const BEFORE: u32 = 4;
-/// A point that is seen less than this from everywhere lies inside a solid.
+/// A point with less light than this from every direction lies inside a solid.
 const HIDDEN: f64 = 1e-3;
 /// Directions with less than this share of the freest one's light do not count.
 const FAINTEST: f64 = 1e-2;
-/// Optical depth before a point from which a direction does not count, whatever the others have:
-/// `exp(-12)` is below the product of the two shares above.
+/// Optical depth in front of a point above which a direction never counts: `exp(-12)` is below the
+/// product of the two shares above.
 const BLOCKED: f64 = 12.0;
 
 impl Renderer {
@@ -33,8 +33,8 @@ impl Renderer {
         check_level(level, self.levels())
     }
 
-    /// The field's values at a `position` in world units, interpolated in one level. Outside the
-    /// box, outside the free-space mask and where nothing is stored, opacity is 0.
+    /// The field's values at a `position` in world units, interpolated in one level. Opacity is 0
+    /// outside the box, outside the free-space mask and in blocks that are not stored.
     ///
     /// ```
     /// use mipvog::{RadianceField, Renderer};
@@ -86,8 +86,8 @@ impl Renderer {
         }
     }
 
-    /// True where no place of a part of the box, given by two corners in shares of it, is visible
-    /// in a level; false says nothing.
+    /// True if no place between two corners, in shares of the box, is visible in a level; false
+    /// proves nothing.
     pub fn is_empty(&self, [low, high]: [[f64; 3]; 2], level: usize) -> bool {
         let (view, Content::Values(lanes)) = (self.view(), self.content()) else { return false };
         with_values!(lanes, values => {
@@ -109,17 +109,17 @@ impl Renderer {
         })
     }
 
-    /// The mean of a place's colours over directions, each limited to 0 to 1; its diffuse colour
-    /// where no colour depends on the direction. A direction counts as far as light passes the
-    /// nearest density towards the eye: nobody has trained what walls look like from inside. A place
-    /// that is hidden from all sides has its diffuse colour, where a network would take time for
-    /// nothing. `share` is a place in shares of the box.
+    /// The mean of a place's colours over directions, each clamped to 0 to 1; the diffuse colour if
+    /// no colour depends on the direction. Directions are weighted by the transmittance of the
+    /// nearest density towards the eye, because training never saw walls from inside. A place that
+    /// is hidden from all sides has its diffuse colour, which saves evaluating a network. `share`
+    /// is a place in shares of the box.
     pub fn mean_color(&self, share: [f64; 3], level: usize, directions: &Directions) -> [f32; 3] {
         self.mean_color_behind(share, level, directions, |at| self.density_at(at, level))
     }
 
-    /// As [`Self::mean_color`], with densities at places in shares of the box that the caller knows
-    /// already: they are asked for four times a direction.
+    /// As [`Self::mean_color`], with densities from the caller, which are requested four times per
+    /// direction. Places are in shares of the box.
     pub fn mean_color_behind(
         &self,
         share: [f64; 3],
@@ -196,8 +196,8 @@ impl Renderer {
     }
 }
 
-/// Unit directions spread evenly over the sphere, with the harmonics of each, and what a field's
-/// network makes of it.
+/// Unit directions spread evenly over the sphere, each with its harmonics and its terms of a
+/// field's network.
 #[derive(Debug)]
 pub struct Directions {
     vectors: Vec<[f64; 3]>,
@@ -207,7 +207,8 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// So many for a field, on a spiral of equal steps in height and turns of the golden angle.
+    /// `count` directions for a field, on a spiral with equal height steps and turns of the golden
+    /// angle.
     pub fn spread(field: &Renderer, count: usize) -> Self {
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let vectors: Vec<[f64; 3]> = (0..count)
@@ -226,8 +227,8 @@ impl Directions {
         Self { vectors, bases, sums }
     }
 
-    /// The directions along which a place is seen, by their numbers, and the share of light that
-    /// passes what is before it. None where all of them are blocked.
+    /// The indices of the directions from which a place is visible, with their transmittances. None
+    /// if all directions are blocked.
     fn seen_from(
         &self,
         view: &View,
@@ -257,7 +258,7 @@ impl Directions {
     }
 }
 
-/// Of a model that is evaluated by its own rules.
+/// The sample of a model with its own rules.
 fn of_model(model: &dyn TrainedModel, view: &View, position: [f64; 3]) -> Sample {
     let density = model.density(position);
     let seen = model.colors(position, &[[0.0, 0.0, -1.0]]);

@@ -1,4 +1,4 @@
-//! Sums along rays to colours over the background.
+//! Converts sums along rays to colours over the background.
 
 use super::march::Gathered;
 use crate::model::view_dependence::ViewDependence;
@@ -31,8 +31,8 @@ impl<const C: usize> Gathered<C> {
         })
     }
 
-    /// The expected distance in world units; light that passes the field counts at `far`, if there
-    /// is one.
+    /// The expected distance in world units; light that passes through the field has the distance
+    /// `far`, if set.
     pub fn expected_distance(&self, view: &View) -> f32 {
         self.distance + self.transmittance * view.march.far.unwrap_or(0.0)
     }

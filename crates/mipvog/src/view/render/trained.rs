@@ -1,4 +1,4 @@
-//! The rules of rendering that a trained scene states.
+//! The rendering rules of a trained scene.
 
 use crate::levels::{Direction, LevelFilter};
 use crate::model::baked::{Blend, LevelOfDetail, StepRule};
@@ -18,8 +18,8 @@ pub struct TrainedLevels<'a> {
 }
 
 impl<'a> TrainedLevels<'a> {
-    /// As many levels as `filter` makes of a scene, rendered by the rules of training where
-    /// training had such levels.
+    /// The default number of levels of `filter`, rendered by the rules of training if training had
+    /// such levels.
     pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
         Self { filter, count: filter.level_count(scene.nodes), level_of_detail: filter.rule() }
     }
@@ -51,7 +51,7 @@ pub(super) fn view_of(field: &RadianceField, levels: Option<TrainedLevels>) -> V
     }
 }
 
-/// The rules that models with rules of their own take from a picture.
+/// The rules that models with their own rules take from a picture.
 pub(super) fn ray_rules(view: &View) -> RayRules {
     let March { near, far, .. } = view.march;
     RayRules { near, far, background: view.background }

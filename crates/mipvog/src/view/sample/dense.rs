@@ -38,7 +38,8 @@ pub struct Dense<const C: usize> {
     empty_raw: f32,
 }
 
-/// Values of a level's nodes, z fastest. Densities and anisotropy are empty where the level has none.
+/// Values of a level's nodes, z fastest. Densities and anisotropy are empty if the level has
+/// none.
 #[derive(Debug)]
 pub struct NodesMut<'a, const C: usize> {
     pub density: &'a mut [f32],
@@ -47,12 +48,12 @@ pub struct NodesMut<'a, const C: usize> {
 }
 
 impl<const C: usize> Dense<C> {
-    /// Reads all of `field` and makes the levels of `filter`, at most so many in all; without one,
-    /// level 0 alone.
+    /// Reads all of `field` and makes the levels of `filter`, at most this many; without a filter,
+    /// only level 0.
     ///
     /// # Errors
     ///
-    /// Those of reading, values that are not finite, more memory than `limits` allow, and `Usage`
+    /// Errors of reading, values that are not finite, more memory than `limits` allow, and `Usage`
     /// for coarser levels of a field with shells.
     pub fn new(
         field: &RadianceField,
@@ -128,25 +129,25 @@ impl<const C: usize> Dense<C> {
 }
 
 impl<const C: usize> Dense<C> {
-    /// Densities and colours of a level's nodes, z fastest; no densities where the level has none.
+    /// Densities and colours of a level's nodes, z fastest; no densities if the level has none.
     pub fn values(&self, level: usize) -> (&[f32], &[[f32; C]]) {
         let Values { density, color, .. } = &self.values[level];
         (density.as_deref().unwrap_or_default(), color)
     }
 
-    /// Densities, anisotropy and colours of a level's nodes, to be changed. The skip grid stays.
+    /// Densities, anisotropy and colours of a level's nodes, for changes. The skip grid stays.
     pub fn values_mut(&mut self, level: usize) -> NodesMut<'_, C> {
         let Values { density, anisotropy, color, .. } = &mut self.values[level];
         let density = density.as_deref_mut().unwrap_or_default();
         NodesMut { density, anisotropy, color }
     }
 
-    /// Anisotropy of a level's nodes; empty where it has none.
+    /// Anisotropy of a level's nodes; empty if it has none.
     pub fn anisotropy(&self, level: usize) -> &[[f32; ANISOTROPY]] {
         &self.values[level].anisotropy
     }
 
-    /// Takes a level's colours, which it has none of afterwards.
+    /// Moves a level's colours out.
     pub fn take_colors(&mut self, level: usize) -> Vec<[f32; C]> {
         std::mem::take(&mut self.values[level].color)
     }
@@ -156,7 +157,7 @@ impl<const C: usize> Dense<C> {
         self.values[level].strides
     }
 
-    /// The nodes that a cell's values come from, and their weights.
+    /// The nodes of a cell's values, and their weights.
     pub fn corners(&self, level: usize, cell: &Cell) -> [(usize, f32); 8] {
         let [x, y] = self.values[level].strides;
         let weight = |up: usize, fraction: f32| if up == 1 { fraction } else { 1.0 - fraction };

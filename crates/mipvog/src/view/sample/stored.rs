@@ -1,4 +1,4 @@
-//! A field's values, of either kind.
+//! A field's values, trained or baked.
 
 use super::{Dense, Sparse};
 

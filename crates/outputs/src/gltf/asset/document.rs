@@ -14,7 +14,7 @@ use mipvog_inputs::tensor::{describe, is_parameters};
 /// The extension's name.
 pub const EXTENSION: &str = "MIPVOG_radiance_field";
 
-/// An open asset: its document as text, and where everything else of the file lies.
+/// An open asset: its document as text, and the places of everything else in the file.
 #[derive(Debug)]
 pub struct Asset {
     file: Arc<SourceFile>,
@@ -23,8 +23,8 @@ pub struct Asset {
     limits: Limits,
 }
 
-/// True if a file starts like an asset: with GLB's magic, or as a JSON object that describes no
-/// folder of pictures.
+/// True if a file starts like an asset: with GLB's magic, or with a JSON object that does not
+/// describe a folder of pictures.
 pub fn is_asset(file: &SourceFile) -> bool {
     let mut start = vec![0; file.length().min(64) as usize];
     let read = file.read_into(0, &mut start).is_ok();
@@ -41,8 +41,8 @@ impl Asset {
         Self::read(file, limits).map_err(|error| error.in_file(&path))
     }
 
-    /// A document that is not in a file yet; of a GLB where there are bytes for a chunk BIN, whose
-    /// number is a multiple of 4.
+    /// A document that is not in a file yet; of a GLB if there are bytes for a chunk BIN, whose
+    /// length is a multiple of 4.
     pub fn in_memory(text: String, bin: Option<Vec<u8>>, path: &Path, limits: &Limits) -> Self {
         let length = bin.as_ref().map(|bin| bin.len() as u64);
         let file = Arc::new(SourceFile::decoded(bin.unwrap_or_default(), path));
@@ -85,7 +85,7 @@ impl Asset {
         if !matches!(version.split_once('.'), Some(("2", _))) {
             return Err(Error::unsupported(place, format!("glTF {version}"), "glTF 2"));
         }
-        // The specification forbids older readers than this one.
+        // The document may require a newer version of glTF than this reader's.
         let least = asset.map(|asset| asset.get("minVersion")).transpose()?.flatten();
         let least = least.map(|least| least.parse::<String>("\"2.0\"")).transpose()?;
         match least.filter(|least| least != "2.0") {
@@ -97,7 +97,7 @@ impl Asset {
         }
     }
 
-    /// The error for a JSON text without a version of glTF: what it is, as far as it is known.
+    /// The error for a JSON text without a version of glTF, with its kind if known.
     fn without_version(&self, place: Place) -> Result<Error> {
         let document = self.document()?;
         let has = |key: &str| -> Result<bool> { Ok(document.get(key)?.is_some()) };
@@ -146,8 +146,8 @@ impl Asset {
         Node::document(&self.text)
     }
 
-    /// The elements of a list of the root, none where it is not there. At most as many as the
-    /// limits allow.
+    /// The elements of a list of the root, empty if missing, and at most as many as the limits
+    /// allow.
     pub fn list<'a>(&self, root: &Members<'a>, name: &str) -> Result<Vec<Node<'a>>> {
         let Some(list) = root.get(name) else { return Ok(Vec::new()) };
         let elements = list.elements()?;

@@ -27,7 +27,7 @@ pub struct User<'a> {
     pub object: Node<'a>,
     /// The value of `radianceField`.
     pub value: Node<'a>,
-    /// The field that it names, which need not be there.
+    /// The field that it names, which may not exist.
     pub field: usize,
 }
 
@@ -68,12 +68,11 @@ pub fn extension<'a>(object: &Members<'a>) -> Result<Option<Node<'a>>> {
 pub struct ContainerBytes {
     /// Its bytes, as a file of their own.
     pub file: Arc<SourceFile>,
-    /// Offset of their start in the file that holds them; 0 in a file of their own, and in a data
-    /// URI's bytes.
+    /// Offset of their start in the containing file; 0 in a separate file, and in a data URI.
     pub offset: u64,
 }
 
-/// The container that a field names by `uri` or `bufferView`, its bytes not yet looked at.
+/// The container that a field names by `uri` or `bufferView`, with unchecked bytes.
 pub fn container_bytes(
     asset: &Asset,
     root: &Members,

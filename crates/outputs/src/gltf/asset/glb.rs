@@ -7,7 +7,7 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 
 /// First bytes of every GLB.
 pub const MAGIC: [u8; 4] = *b"glTF";
-/// The only version of the binary form that chunks are known of.
+/// The only supported version of the binary form.
 const VERSION: u32 = 2;
 const HEADER_BYTES: u64 = 12;
 const CHUNK_HEADER_BYTES: u64 = 8;
@@ -21,7 +21,7 @@ pub struct Chunks {
     pub bin: Option<Range<u64>>,
     /// All chunks after it, headers and padding included.
     pub others: Range<u64>,
-    /// Bytes behind the stated end, which belong to nothing.
+    /// Bytes behind the stated end, which are unused.
     pub behind: u64,
 }
 
@@ -109,7 +109,7 @@ pub fn padded(length: u64) -> u64 {
 }
 
 /// Writes a GLB, complete but not yet finished: the document, a chunk BIN if `bin` has any pieces,
-/// and other chunks as they are.
+/// and other chunks unchanged.
 pub fn write_glb(
     document: &str,
     bin: &[Piece],
@@ -162,7 +162,7 @@ mod tests {
     fn a_glb_that_is_too_large_is_refused_before_anything_is_written() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("large");
-        // All hole: takes no room.
+        // A sparse file, which takes no disk space.
         let large = std::fs::File::create(&path).and_then(|file| file.set_len(1 << 32));
         large.expect("a sparse file");
         let bin = [Piece::File(SourceFile::open(&path).expect("a file"))];

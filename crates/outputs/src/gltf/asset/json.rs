@@ -1,4 +1,4 @@
-//! Values of a JSON document, with their places, read only as far as they are looked at.
+//! Values of a JSON document with their places, parsed lazily.
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde_json::value::RawValue;
 
 use crate::base::error::{Error, Place, Result};
 
-/// A value as the text of a document has it.
+/// A value in the text of a document.
 #[derive(Debug, Clone, Serialize)]
 #[serde(transparent)]
 pub struct Node<'a> {
@@ -15,8 +15,7 @@ pub struct Node<'a> {
     pointer: String,
 }
 
-/// The members of an object, in the order of the text. Of a name that is there twice, the last
-/// value counts.
+/// The members of an object, in the order of the text. For duplicate names, the last value counts.
 pub type Members<'a> = IndexMap<String, Node<'a>>;
 
 impl<'a> Node<'a> {
@@ -56,7 +55,7 @@ impl<'a> Node<'a> {
         Ok(elements.into_iter().enumerate().map(child).collect())
     }
 
-    /// A member of an object, if it is there.
+    /// A member of an object, if present.
     pub fn get(&self, name: &str) -> Result<Option<Self>> {
         Ok(self.members()?.swap_remove(name))
     }
@@ -71,7 +70,7 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// A whole number from 0. Some writers make all numbers floats: 4.0 is 4.
+    /// A non-negative integer. Some writers make all numbers floats, so 4.0 counts as 4.
     pub fn index(&self) -> Result<usize> {
         let expected = "a whole number from 0";
         let number = whole(&self.parse(expected)?);
@@ -80,10 +79,10 @@ impl<'a> Node<'a> {
     }
 
     /// Visits every member of every object, at any depth, in the order of the text. Numbers are not
-    /// looked at: a document may hold some that nobody can represent.
+    /// parsed: a document may hold some that no type can represent.
     ///
     /// # Errors
-    /// Objects and arrays that nest too deeply.
+    /// Too deeply nested objects and arrays.
     pub fn visit(&self, visit: &mut dyn FnMut(&str, &Node<'a>)) -> Result<()> {
         match self.raw.get().as_bytes().first() {
             Some(b'{') => self.members()?.iter().try_for_each(|(name, value)| {
@@ -96,9 +95,9 @@ impl<'a> Node<'a> {
     }
 }
 
-/// The number, if it is whole and from 0.
+/// The number, if it is a non-negative integer.
 fn whole(number: &serde_json::Number) -> Option<u64> {
-    /// From here on floats leave whole numbers out.
+    /// From here on, floats cannot represent every integer.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     let float = number.as_f64().filter(|float| float.fract() == 0.0);
     number.as_u64().or_else(|| {

@@ -1,4 +1,4 @@
-//! glTF 2.0 assets, `.glb` and `.gltf`, as far as radiance fields need them: chunks, the JSON
+//! The parts of glTF 2.0 assets, `.glb` and `.gltf`, that radiance fields need: chunks, the JSON
 //! document as text, and the extension `MIPVOG_radiance_field`
 //! (`formats/MIPVOG_radiance_field/README.md`).
 //!

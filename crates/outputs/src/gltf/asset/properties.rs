@@ -1,6 +1,5 @@
 //! The objects of `MIPVOG_radiance_field`: everything that a viewer must know before it fetches the
-//! container. Words for rules are those of the container's metadata, so no reader has to map one to
-//! the other.
+//! container. Rules have the names of the container's metadata, so that readers need no mapping.
 
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +47,7 @@ pub struct RadianceField {
     /// The deferred network; none for a diffuse field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mlp: Option<Mlp>,
-    /// The rules of harmonics; none where colours are no coefficients.
+    /// The rules of harmonics; none if colours are no coefficients.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub harmonics: Option<Harmonics>,
 }

@@ -11,7 +11,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::finding::{Code, Finding, Report, checked, strict};
 use crate::container::Container;
 
-/// The extension is listed as used and never as required; nodes and fields fit each other.
+/// Checks that the extension is listed as used and never as required, and that nodes and fields
+/// match.
 pub fn document(asset: &Asset, root: &Members, fields: &Fields, report: &mut Report) -> Result<()> {
     let lists = |name: &str| -> Result<Option<String>> {
         let names = asset.list(root, name)?;
@@ -52,9 +53,9 @@ pub fn document(asset: &Asset, root: &Members, fields: &Fields, report: &mut Rep
     Ok(())
 }
 
-/// One field: its properties, where its container lies, the container's structure and metadata, and
-/// how they agree. The container and where it starts in the file that holds it; `None` where it
-/// cannot be read on. Strict errors of the container name that file.
+/// Checks one field: its properties, the place of its container, the container's structure and
+/// metadata, and their consistency. Returns the container and its offset in the containing file;
+/// `None` if reading cannot continue. Strict errors of the container name that file.
 pub fn field(
     asset: &Asset,
     root: &Members,
@@ -90,7 +91,7 @@ pub fn field(
     Ok(Some((container, offset)))
 }
 
-/// A buffer view that holds a container is bytes, neither vertices nor indices.
+/// Checks that a container's buffer view holds plain bytes, not vertices or indices.
 fn plain_view(
     asset: &Asset,
     root: &Members,
@@ -109,7 +110,7 @@ fn plain_view(
     Ok(())
 }
 
-/// Runs a walk over the container of a field, whose findings get the field's place.
+/// Runs a check of a field's container; findings get the field's place.
 pub fn within<T>(
     object: &Node,
     offset: u64,
@@ -121,7 +122,7 @@ pub fn within<T>(
     walk(&mut inner)
 }
 
-/// Properties are those of the container.
+/// Checks that properties match the container.
 fn agreement(
     field: &RadianceField,
     object: &Node,
@@ -158,7 +159,7 @@ fn as_map(field: &RadianceField) -> Result<serde_json::Map<String, Value>> {
     }
 }
 
-/// The digest of a field is that of the container's bytes.
+/// Checks that the digest of a field matches the container's bytes.
 pub fn digest(object: &Node, container: &Container, report: &mut Report) -> Result<()> {
     let stated: String = match object.get("sha256")? {
         Some(stated) => stated.parse("a digest")?,
@@ -177,8 +178,8 @@ impl Asset {
     /// Opens the container of a field.
     ///
     /// # Errors
-    /// The first thing that is wrong with the field, its container, or how the two agree; the
-    /// digest is left to the validator.
+    /// The first fault of the field, its container, or their consistency; the digest is left to the
+    /// validator.
     pub fn open_field(&self, number: usize) -> Result<Container> {
         let opened = self.try_open_field(number).map_err(|error| error.in_file(self.path()))?;
         // A strict walk ends with an error or a container.

@@ -10,7 +10,7 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_perc
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 
-/// All that RFC 3986 does not leave as it is in a segment of a path.
+/// All characters that RFC 3986 requires to be escaped in a path segment.
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// True if the bytes are in the URI itself.
@@ -54,14 +54,14 @@ pub fn open(uri: &str, base: &Path, place: &Place) -> Result<Arc<SourceFile>> {
     SourceFile::open(&folder.join(path)).map(Arc::new)
 }
 
-/// The path that a relative URI names from the folder of the file `base`. `None` if it is no text.
+/// The path that a relative URI names from the folder of the file `base`. `None` if it is not text.
 pub fn path(uri: &str, base: &Path) -> Option<PathBuf> {
     let name = percent_decode_str(uri).decode_utf8().ok()?;
     Some(base.parent().unwrap_or(Path::new("")).join(Path::new(name.as_ref())))
 }
 
-/// The relative reference by which a file in the folder of `from` names the file `to`; neither
-/// needs to be there yet, their folders do.
+/// The relative reference from a file in the folder of `from` to the file `to`. The files need not
+/// exist yet, but their folders must.
 pub fn relative(from: &Path, to: &Path) -> Result<String> {
     let folder = |file: &Path| {
         let folder = match file.parent() {

@@ -1,8 +1,7 @@
-//! Containers out of the buffers of an asset.
+//! Removes containers from the buffers of an asset.
 //!
-//! Containers that were attached lie behind everything else, in the order of their buffer views.
-//! Taking one out moves those behind it to where attaching would have put them had it never been
-//! there.
+//! Attached containers follow everything else, in the order of their buffer views. Removing one
+//! moves those behind it to their places without it.
 
 use super::remove::Removal;
 use super::write::{ALIGNMENT, chunk_pieces};
@@ -33,7 +32,7 @@ impl View {
 }
 
 impl Removal<'_> {
-    /// Takes out the containers of the fields that go. The pieces of the chunk BIN that is left.
+    /// Removes the containers of removed fields. Returns the pieces of the remaining chunk BIN.
     pub(super) fn take_containers(&mut self) -> Result<Vec<Piece>> {
         let all = self.asset.list(&self.root, "bufferViews")?;
         let all = all.iter().enumerate().map(View::read).collect::<Result<Vec<_>>>()?;
@@ -63,7 +62,7 @@ impl Removal<'_> {
         Ok(bin)
     }
 
-    /// From the first view that goes on, each is one field's, and nothing else refers to it.
+    /// From the first removed view on, each belongs to one field, and nothing else refers to it.
     fn check_tail(&self, tail: &[(View, usize)], first: usize, count: usize) -> Result<()> {
         let is_own = |number: usize| {
             let fields = tail.iter().filter(|(view, _)| view.number == number).count();
@@ -75,7 +74,7 @@ impl Removal<'_> {
         }
     }
 
-    /// Moves the remaining bytes of the chunk BIN to their places without the removed ones.
+    /// Closes the gaps of removed bytes in the chunk BIN.
     fn lay_out(&mut self, tail: &[(View, usize)], others: &[View]) -> Result<Vec<Piece>> {
         let buffers = self.asset.list(&self.root, "buffers")?;
         let mut pieces = chunk_pieces(self.asset)?;
@@ -87,7 +86,7 @@ impl Removal<'_> {
             false => Vec::new(),
         };
         let Some((lowest, field)) = own.first() else { return Ok(vec![Piece::File(chunk)]) };
-        // Nothing else lies behind the containers, and they lie in order.
+        // Containers are last, and in order.
         let ends = others.iter().filter(|other| other.buffer == 0).map(View::end);
         let mut end = ends.max().unwrap_or(0);
         for (view, _) in &own {
@@ -126,8 +125,8 @@ impl Removal<'_> {
         Ok(Vec::new())
     }
 
-    /// Removes the last buffer where it held nothing but a container that goes. Others stay, though
-    /// nothing may refer to them any more: other extensions may know their numbers.
+    /// Removes the last buffer if it held only a removed container. Other buffers stay, even if
+    /// nothing refers to them: other extensions may use their numbers.
     fn drop_last_buffer(&mut self, tail: &[(View, usize)], all: &[View]) -> Result<()> {
         let buffers = self.asset.list(&self.root, "buffers")?;
         let Some((last, buffer)) = buffers.iter().enumerate().next_back() else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! A new asset: a mesh, and the field that it stands for.
+//! A new asset: a field, and a mesh in its place for other viewers.
 
 use std::path::Path;
 
@@ -21,13 +21,13 @@ const F32: u32 = 5126;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// Least shares of a screen that the finest mesh covers; coarser ones follow by quarters.
+/// Minimum screen coverage of the finest mesh; each coarser one has a quarter of the one before.
 const FINEST_COVERAGE: f64 = 0.25;
 
 /// Writes an asset of one node to `output`, complete but not yet finished: the mesh, and the field
-/// in `container` in its place. Coarser meshes follow the finest one, as levels of detail by
-/// `MSFT_lod`. A GLB where `glb` says so, which embeds the container unless `external`; else a
-/// `.gltf`, which names the container by a URI and holds the meshes itself.
+/// in `container`. Coarser meshes follow the finest one, as levels of detail by `MSFT_lod`. With
+/// `glb`, a GLB, which embeds the container unless `external`; else a `.gltf`, which links the
+/// container by URI and embeds the meshes.
 pub fn write_fallback(
     meshes: &[Mesh],
     container: &Container,
@@ -53,7 +53,7 @@ pub fn write_fallback(
 /// Writes a GLB of a mesh alone to `output`, complete but not yet finished.
 ///
 /// # Errors
-/// Those of writing; `Malformed` for a mesh that is not finite.
+/// Errors of writing; `Malformed` for a mesh that is not finite.
 pub fn write_mesh(mesh: &Mesh, output: &mut Output) -> Result<()> {
     let (document, bytes) = document_of(std::slice::from_ref(mesh))?;
     write_glb(&document.to_string(), &[Piece::Bytes(bytes)], None, output)
@@ -86,11 +86,11 @@ fn document_of(meshes: &[Mesh]) -> Result<(Value, Vec<u8>)> {
     Ok((document, bytes))
 }
 
-/// Names a node for each coarser mesh on the first node. These are in no scene.
+/// Lists a node per coarser mesh on the first node; these nodes are in no scene.
 fn add_levels_of_detail(document: &mut Value, count: usize) {
     let coarser: Vec<usize> = (1..count).collect();
     let coverage = |level: usize| FINEST_COVERAGE / 4f64.powi(level as i32);
-    // The coarsest one is shown however small it is.
+    // The coarsest mesh is shown at any size.
     let shares: Vec<f64> = (0..count - 1).map(coverage).chain([0.0]).collect();
     document["nodes"][0]["extensions"] = json!({ "MSFT_lod": { "ids": coarser } });
     document["nodes"][0]["extras"] = json!({ "MSFT_screencoverage": shares });
@@ -108,8 +108,8 @@ fn generator() -> &'static str {
     concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"))
 }
 
-/// Colours are as trained: no light falls on them. The box of an empty field is cut away
-/// altogether.
+/// Colours are as trained, so the material is unlit. The box of an empty field is fully
+/// transparent.
 fn material(visible: bool) -> Value {
     let mut rules = json!({ "metallicFactor": 0.0, "roughnessFactor": 1.0 });
     let mut material = json!({ "name": "as trained" });
@@ -131,7 +131,7 @@ struct Arrays {
 }
 
 impl Arrays {
-    /// Adds positions, normals, colours and indices of a mesh. Its only primitive.
+    /// Adds positions, normals, colours and indices of a mesh. Returns its only primitive.
     fn add(&mut self, mesh: &Mesh) -> Result<Value> {
         let [min, max] = mesh.extent();
         if !min.iter().chain(&max).all(|value| value.is_finite()) {
@@ -162,7 +162,7 @@ impl Arrays {
             json!({ "byteStride": 8, "target": VERTICES }),
             json!({ "componentType": U16, "normalized": true, "count": count, "type": "VEC3" }),
         );
-        // The highest number of a type starts a new strip and is no index.
+        // The highest number of a type restarts a strip, so it is not a valid index.
         let narrow = count <= usize::from(u16::MAX);
         let mut bytes = Vec::new();
         for index in mesh.triangles.as_flattened() {
@@ -185,7 +185,7 @@ impl Arrays {
         }))
     }
 
-    /// Adds an array with a view of its own, and gives its accessor's number.
+    /// Adds an array with its own view, and returns its accessor's number.
     fn array(&mut self, array: Vec<u8>, mut view: Value, mut accessor: Value) -> usize {
         self.bytes.resize(padded(self.bytes.len() as u64) as usize, 0);
         view["buffer"] = 0.into();

@@ -1,4 +1,4 @@
-//! A field into an asset.
+//! Adds a field to an asset.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::gltf::asset::json::{Members, Node};
 use crate::gltf::asset::properties::RadianceField;
 use crate::gltf::asset::{Asset, Chunks, EXTENSION, Fields, Piece, buffer_is_chunk, padded, uri};
 
-/// A quarter turn about x: training's z, which is up there, becomes glTF's y.
+/// A quarter turn about x: training's up axis z becomes glTF's y.
 pub(super) const Z_UP_TO_Y_UP: [f32; 4] =
     [-std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
 
@@ -33,7 +33,7 @@ pub struct AttachOptions {
 pub enum NodeChoice {
     /// By number.
     Index(usize),
-    /// By its name, which no other node may have.
+    /// By its name, which must be unique.
     Name(String),
 }
 
@@ -64,7 +64,7 @@ pub fn attach(
     options: &AttachOptions,
     output: &mut Output,
 ) -> Result<Attached> {
-    // A damaged container is refused here, and not by the renderers that load the asset.
+    // A damaged container is refused here, not by the renderers that load the asset.
     container.read_head()?;
     container.for_each_part(|_, _| Ok(()))?;
     let mut field = RadianceField::with_digest(container)?;
@@ -112,7 +112,7 @@ impl<'a> Insertion<'a> {
             None => self.new_node(number)?,
         };
         self.list_extension()?;
-        // By way of a value: numbers are then written as those of the container's metadata are.
+        // Via a value, so that numbers are formatted like those of the container's metadata.
         let mut value = serde_json::to_value(&field).map_err(|error| {
             Error::malformed(
                 Place::File,
@@ -199,7 +199,7 @@ impl<'a> Insertion<'a> {
         let scene = default.map(Node::index).transpose()?.unwrap_or(0);
         match default {
             _ if scene < scenes => {
-                // A list that other programs cannot read is not made longer.
+                // Does not extend a list that other programs cannot read.
                 let scenes = self.asset.list(&self.root, "scenes")?;
                 let nodes =
                     scenes.get(scene).map(|scene| scene.get("nodes")).transpose()?.flatten();
@@ -231,7 +231,7 @@ impl<'a> Insertion<'a> {
         self.push("extensionsUsed", EXTENSION.into()).map(|_| ())
     }
 
-    /// Appends an element to a list of the root. Its number.
+    /// Appends an element to a list of the root. Returns its number.
     fn push(&mut self, name: &str, element: Value) -> Result<usize> {
         let list = self.document.list(name)?;
         list.push(Tree::New(element));

@@ -1,4 +1,4 @@
-//! Radiance fields into glTF assets, and out of them again.
+//! Attaches radiance fields to glTF assets, and detaches them.
 //!
 //! Attaching changes these parts of a document:
 //!
@@ -11,13 +11,13 @@
 //!                                                     (embedded only)
 //! ```
 //!
-//! All other values keep their text ([`tree`]). [`detach`] takes these parts out again. It needs to
-//! know the nodes and the scene that were made for a field, and the length of the buffer before its
-//! padding: they stand in the field's `extras` ([`notes`]). Lists and objects that are left empty
-//! go too, for glTF gives an empty list no meaning. Detaching renumbers only the parts that
-//! attaching made: other extensions may refer to any other number.
+//! All other values keep their text ([`tree`]). [`detach`] takes these parts out again. For this,
+//! the field's `extras` ([`notes`]) state the nodes and the scene that were made for it, and the
+//! length of the buffer before its padding. Lists and objects that become empty are removed too,
+//! because glTF does not allow empty lists. Detaching renumbers only the parts that attaching made,
+//! because other extensions may refer to any other number.
 //!
-//! [`write_fallback`] makes a new asset of a mesh, for a field that has none.
+//! [`write_fallback`] makes a new asset with a mesh, for a field without an asset.
 
 mod containers;
 mod fallback;

@@ -10,7 +10,7 @@ use crate::gltf::asset::json::Node;
 /// The key in a field's `extras`.
 const KEY: &str = "attached";
 
-/// The parts that attaching a field made. Left out if there is nothing to note.
+/// The parts that attaching a field made. Omitted if empty.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Notes {
@@ -20,13 +20,13 @@ pub(super) struct Notes {
     /// True if the scene was made too.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(super) scene: bool,
-    /// Bytes of the buffer, where they did not end right before the container.
+    /// Bytes of the buffer, unless they ended right before the container.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) byte_length: Option<u64>,
 }
 
 impl Notes {
-    /// The notes of a field; none where its `extras` hold other things only.
+    /// The notes of a field; none if its `extras` have no notes.
     pub(super) fn of(field: &Node) -> Result<Self> {
         let extras = field.get("extras")?;
         let own = extras.and_then(|extras| extras.get(KEY).ok().flatten());
@@ -40,7 +40,7 @@ impl Notes {
         }
     }
 
-    /// Puts them in the place of the notes that a field has.
+    /// Replaces the notes of a field.
     pub(super) fn store(&self, field: &mut Tree) -> Result<()> {
         let extras = field.child("extras")?;
         match *self == Self::default() {

@@ -1,7 +1,7 @@
-//! Numbers of nodes and buffer views, at every place of a document that refers to them.
+//! References to nodes and buffer views by number, everywhere in a document.
 //!
-//! Unknown extensions refer to things by number too. By convention such a property is named after
-//! the thing it refers to, so every property of these names counts, at any depth.
+//! Unknown extensions also refer to objects by number. By convention, such a property is named
+//! after the kind of object, so every property of these names counts, at any depth.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +9,7 @@ use crate::base::error::Result;
 use crate::gltf::asset::Asset;
 use crate::gltf::asset::json::Node;
 
-/// Properties that hold the number of a node, or several.
+/// Properties with the number of a node, or of several nodes.
 const NODES: [&str; 6] = ["node", "nodes", "children", "joints", "skeleton", "rootNodes"];
 
 /// References of a document.
@@ -22,7 +22,7 @@ pub struct References {
 }
 
 impl References {
-    /// Goes through the whole document.
+    /// Scans the whole document.
     pub fn of(asset: &Asset) -> Result<Self> {
         let mut found = Self::default();
         let mut add = |name: &str, value: &Node| found.property(name, value);

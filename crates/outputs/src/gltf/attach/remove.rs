@@ -1,4 +1,4 @@
-//! Fields out of an asset.
+//! Removes fields from an asset.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +11,7 @@ use crate::base::error::{Error, Result};
 use crate::gltf::asset::json::{Members, Node};
 use crate::gltf::asset::{Asset, EXTENSION, Fields};
 
-/// The fields that were taken out.
+/// The removed fields.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Detached {
     /// Their numbers before.
@@ -32,14 +32,14 @@ pub fn detach(asset: &Asset, field: Option<usize>, output: &mut Output) -> Resul
         .map_err(|error| error.in_file(asset.path()))
 }
 
-/// A document being taken from.
+/// A document during removal.
 pub(super) struct Removal<'a> {
     pub(super) asset: &'a Asset,
     pub(super) root: Members<'a>,
     pub(super) fields: Fields<'a>,
     pub(super) gone: BTreeSet<usize>,
     pub(super) document: Tree<'a>,
-    /// By field; those of fields that stay change as others go.
+    /// By field; notes of remaining fields change as others are removed.
     pub(super) notes: Vec<Notes>,
     /// References to nodes and buffer views by their numbers.
     pub(super) references: References,
@@ -106,8 +106,8 @@ impl<'a> Removal<'a> {
         Ok(())
     }
 
-    /// The nodes that name fields: without the extension, and without those that were made for it,
-    /// as far as they are the last ones and nothing else was made of them.
+    /// Removes the extension from the nodes that name fields, and removes nodes that were made for
+    /// it if they are the last ones and have no other use.
     fn take_nodes(&mut self) -> Result<()> {
         let count = self.asset.list(&self.root, "nodes")?.len();
         let (mut removed, mut moved) = (BTreeSet::new(), BTreeMap::new());
@@ -139,7 +139,7 @@ impl<'a> Removal<'a> {
         self.take_from_scenes(&removed, &moved)
     }
 
-    /// The first of the last nodes that all were made for fields and show nothing else.
+    /// The start of the trailing nodes that were made for fields and have no other content.
     fn first_made(&self, count: usize) -> Result<usize> {
         let mut first = count;
         for user in self.fields.users.iter().rev() {
@@ -158,7 +158,7 @@ impl<'a> Removal<'a> {
         Ok(first)
     }
 
-    /// Removed nodes leave their scenes; a scene that was made for them goes too.
+    /// Removes the nodes from their scenes, and a scene that was made for them.
     fn take_from_scenes(
         &mut self,
         removed: &BTreeSet<usize>,
@@ -187,7 +187,7 @@ impl<'a> Removal<'a> {
                 self.notes.iter_mut().for_each(|notes| notes.scene = false);
             }
         }
-        // The first field that stays has to know from now on.
+        // The first remaining field takes over the note.
         let known = self.gone.iter().any(|&field| self.notes[field].scene);
         let stays = (0..self.notes.len()).find(|field| !self.gone.contains(field));
         if let (true, Some(field)) = (known, stays) {

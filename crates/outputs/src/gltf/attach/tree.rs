@@ -1,6 +1,6 @@
-//! A document being edited: only edited objects and lists are taken apart and written anew.
+//! A document being edited: only edited objects and lists are parsed and written anew.
 //!
-//! All others keep their text, with the order of keys, the white space and the spelling of numbers.
+//! All others keep their text, including the order of keys, white space and number formats.
 
 use indexmap::IndexMap;
 use serde::Serialize;
@@ -13,9 +13,9 @@ use crate::gltf::asset::json::Node;
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub(super) enum Tree<'a> {
-    /// As it was.
+    /// Unchanged.
     Kept(Node<'a>),
-    /// Put in.
+    /// Inserted.
     New(Value),
     /// An object with edited members.
     Object(IndexMap<String, Tree<'a>>),
@@ -47,13 +47,13 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// A member that is an object, made where it is not there.
+    /// A member that is an object; created if missing.
     pub(super) fn child(&mut self, name: &str) -> Result<&mut Self> {
         let empty = || Self::Object(IndexMap::new());
         Ok(self.object()?.entry(name.to_owned()).or_insert_with(empty))
     }
 
-    /// The elements of a member that is a list, made where it is not there.
+    /// The elements of a member that is a list; created if missing.
     pub(super) fn list(&mut self, name: &str) -> Result<&mut Vec<Self>> {
         let empty = || Self::Array(Vec::new());
         self.object()?.entry(name.to_owned()).or_insert_with(empty).array()
@@ -66,19 +66,19 @@ impl<'a> Tree<'a> {
         self.list(name)?.get_mut(number).ok_or_else(missing)
     }
 
-    /// Puts a value in, in the place of one of the same name.
+    /// Sets a value, and replaces one of the same name.
     pub(super) fn set(&mut self, name: &str, value: impl Into<Value>) -> Result<()> {
         self.object()?.insert(name.to_owned(), Self::New(value.into()));
         Ok(())
     }
 
-    /// Takes a member out.
+    /// Removes a member.
     pub(super) fn remove(&mut self, name: &str) -> Result<()> {
         self.object()?.shift_remove(name);
         Ok(())
     }
 
-    /// Takes a member out where nothing is left in it: glTF knows no empty lists.
+    /// Removes a member if it is empty, because glTF does not allow empty lists.
     pub(super) fn remove_if_empty(&mut self, name: &str) -> Result<()> {
         let members = self.object()?;
         let is_empty = match members.get(name) {
@@ -92,7 +92,7 @@ impl<'a> Tree<'a> {
         Ok(())
     }
 
-    /// Takes elements out of a list by their numbers, and the list where none is left.
+    /// Removes elements from a list by number, and the list if it becomes empty.
     pub(super) fn remove_elements(
         &mut self,
         name: &str,

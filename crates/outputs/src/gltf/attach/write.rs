@@ -1,4 +1,4 @@
-//! An edited asset, written as the kind that it is.
+//! Writes an edited asset in its own kind.
 
 use std::path::PathBuf;
 
@@ -7,10 +7,10 @@ use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::Result;
 use crate::gltf::asset::{Asset, Fields, Piece, uri, write_glb};
 
-/// Containers start at multiples of this in the chunk BIN: so do their own chunks.
+/// Alignment of containers in the chunk BIN, the same as that of their chunks.
 pub(super) const ALIGNMENT: u64 = 64;
 
-/// The chunk BIN as it is; nothing where there is none.
+/// The unchanged chunk BIN; empty if there is none.
 pub(super) fn chunk_pieces(asset: &Asset) -> Result<Vec<Piece>> {
     let bin = asset.chunks().and_then(|chunks| chunks.bin.clone());
     bin.map(|bin| Ok(Piece::File(asset.file().part(bin)?))).into_iter().collect()
@@ -42,7 +42,8 @@ pub fn companion_paths(asset: &Asset) -> Result<Vec<PathBuf>> {
     Ok(names.iter().filter_map(|name| uri::path(name, asset.path())).collect())
 }
 
-/// Files that the document names by relative URIs: they do not go with the asset to another folder.
+/// Files that the document names by relative URIs, which do not move with the asset to another
+/// folder.
 ///
 /// # Errors
 /// Documents that break their rules.

@@ -1,9 +1,9 @@
-//! The colours of a mesh: the field's own, as eyes around each vertex see them.
+//! The colours of a mesh: the field's own, as seen from around each vertex.
 //!
-//! Rays end at a vertex and start a few cells outside of it, one along its normal and three tilted by
-//! 45 degrees. A vertex gets the mean of their light without background, over the mean of the
-//! light that they lose. So the network, harmonics and low density before a surface count as they
-//! do in pictures. Vertices whose rays meet hardly anything keep the colour of their nodes.
+//! Rays end at a vertex and start a few cells outside of it, one along its normal and three tilted
+//! by 45 degrees. A vertex gets the mean of their light without background, divided by the mean of
+//! their opacity. So the network, harmonics and low density in front of a surface count as in
+//! pictures. Vertices whose rays hit hardly anything keep the colour of their nodes.
 
 use glam::DVec3;
 
@@ -14,14 +14,14 @@ use crate::container::Container;
 use crate::model::camera::Ray;
 use crate::view::render::Renderer;
 
-/// Distance from a ray's start to its vertex, in cells: as far as a surface of fog is thick.
+/// Distance from a ray's start to its vertex, in cells: the thickness of a surface of fog.
 const REACH: f64 = 3.0;
 /// Rays of a vertex.
 const RAYS: usize = 4;
-/// The least mean of opacities of a vertex's rays that tells a colour.
+/// Minimum mean opacity of a vertex's rays for a colour.
 const LEAST_OPACITY: f64 = 0.1;
 
-/// The field of a container as rays from near its surfaces see it.
+/// The field of a container, for rays from close to its surfaces.
 ///
 /// # Errors
 /// A field whose rules cannot be rendered.
@@ -37,7 +37,7 @@ pub fn renderer(container: &Container) -> Result<Renderer> {
 /// the edge of a cell of the grid that the mesh was made of, in world units.
 ///
 /// # Errors
-/// Those of rendering.
+/// Errors of rendering.
 pub fn color(soup: &mut TriangleSoup, field: &Renderer, cell: f64) -> Result<()> {
     let rays: Vec<Ray> = soup
         .positions

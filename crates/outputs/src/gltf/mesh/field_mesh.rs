@@ -8,15 +8,15 @@ use crate::base::limits::Budget;
 use crate::base::parallel;
 use crate::container::Container;
 
-/// Nodes along the longest axis that a surface is made of, at most; finer levels are averaged.
+/// Maximum nodes along the longest axis for a surface; finer levels are averaged.
 const MAX_NODES: usize = 128;
 
 /// The fewest triangles of a closed surface.
 pub const FEWEST_TRIANGLES: usize = 4;
 
-/// The mesh of a field, of at most `triangles` triangles (but 12 for an empty field), and up to
-/// `coarser` others, each of a quarter of the triangles of the one before. Of nested boxes, the
-/// innermost has half of the triangles, and the others share the rest.
+/// The mesh of a field, of at most `triangles` triangles (12 for an empty field), and up to
+/// `coarser` others, each with a quarter of the triangles of the one before. Of nested boxes, the
+/// innermost gets half of the triangles, and the others share the rest.
 ///
 /// # Errors
 /// Fewer than [`FEWEST_TRIANGLES`]; a container that cannot be read.
@@ -60,7 +60,7 @@ pub fn meshes(container: &Container, triangles: usize, coarser: usize) -> Result
 /// The surface of a box.
 struct Part {
     soup: TriangleSoup,
-    /// The edge of a cell of the grid it was made of, in world units.
+    /// The edge of a cell of its grid, in world units.
     cell: f64,
 }
 
@@ -94,14 +94,14 @@ fn parts(container: &Container, triangles: usize) -> Result<Vec<Part>> {
     Ok(parts)
 }
 
-/// The surface of the innermost box: that of the coarsest level that has enough triangles.
+/// The surface of the innermost box, from the coarsest level with enough triangles.
 fn inner(container: &Container, triangles: usize) -> Result<Part> {
     let metadata = container.metadata();
     let (_, free_space) = container.read_head()?;
     let own = |level: &usize| metadata.levels.get(*level).is_some_and(|l| l.density.is_some());
     let mut best = TriangleSoup::default();
     let mut cell = 0.0;
-    // Coarser levels of nested boxes span others.
+    // Coarser levels of nested boxes span outer boxes.
     let count = if metadata.shells.is_empty() { metadata.levels.len() } else { 2 };
     for level in (0..count.min(metadata.levels.len())).rev().filter(own) {
         // Each thread holds a plane of density and three of colour.

@@ -7,10 +7,10 @@ use crate::model::field::FreeSpace;
 use crate::model::grid::Bounds;
 use crate::unpacked::fill_plane;
 
-/// Opacity over the thickness of a surface from which on a node is inside.
+/// Opacity over the thickness of a surface above which a node is inside.
 pub const INSIDE: f64 = 0.5;
-/// The thickness of a surface is a cell of the grid, and at least this share of the box's longest
-/// edge. So density that becomes opaque only over several fine cells counts as well.
+/// The thickness of a surface is a cell of the grid, but at least this share of the box's longest
+/// edge, so that density which becomes opaque only over several fine cells counts too.
 const LEAST_THICKNESS: f64 = 1.0 / 64.0;
 
 /// A grid of nodes with one layer of empty nodes around it, z fastest.
@@ -18,8 +18,8 @@ const LEAST_THICKNESS: f64 = 1.0 / 64.0;
 pub struct OpacityGrid {
     /// Nodes along each axis, the layer around included.
     pub sizes: [usize; 3],
-    /// World positions along each axis; the layer around lies on the box's faces, so that no
-    /// surface leaves the box.
+    /// World positions along each axis; the outer layer lies on the box's faces, so that no surface
+    /// leaves the box.
     pub at: [Vec<f64>; 3],
     /// Opacity over the thickness of a surface.
     pub opacity: Vec<f64>,
@@ -32,8 +32,8 @@ pub struct OpacityGrid {
 }
 
 impl OpacityGrid {
-    /// The nodes of a level; the means of several where there are more than `most` along an axis.
-    /// What lies more than a cell within `hollow` is empty, and is no cavity.
+    /// The nodes of a level; means of several if there are more than `most` along an axis. Space
+    /// more than a cell within `hollow` is empty, and not a cavity.
     pub fn of_level(
         metadata: &Metadata,
         level: usize,
@@ -131,8 +131,8 @@ impl OpacityGrid {
         rows.flat_map(node).collect()
     }
 
-    /// Makes empty nodes opaque that cannot be reached through empty nodes from the layer around, or
-    /// from the nodes of `hollow`, which become empty.
+    /// Makes enclosed empty nodes opaque: those that no path of empty nodes connects to the outer
+    /// layer or to the nodes of `hollow`, which become empty.
     fn fill_cavities(&mut self, hollow: Vec<usize>) {
         let strides = self.strides();
         let mut reached = vec![false; self.opacity.len()];
@@ -164,13 +164,13 @@ impl OpacityGrid {
 struct NodeRules<'a> {
     metadata: &'a Metadata,
     domain: DensityDomain,
-    /// Intervals that a surface is thick.
+    /// Thickness of a surface in intervals.
     scale: f64,
 }
 
 impl NodeRules<'_> {
-    /// Opacity over a surface's thickness of a stored density (`formats/mipvog.md`, section 6); 0 where it is
-    /// below visibility.
+    /// Opacity over a surface's thickness of a stored density (`formats/mipvog.md`, section 6); 0
+    /// where it is below visibility.
     fn opacity(&self, stored: f32) -> f64 {
         let activation = &self.metadata.activation;
         if stored <= self.domain.invisible(activation) {

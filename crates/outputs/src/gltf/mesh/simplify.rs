@@ -2,14 +2,14 @@
 //!
 //! A vertex carries a quadric, `Q(x) = x' A x + 2 b' x + c`: the sum, over the planes of its
 //! triangles, of area times squared distance, and a small share of the squared distance to the
-//! vertex itself, which keeps flat regions where they are and `A` invertible. The merged vertex
-//! lies where the sum of both quadrics is least. To that loss comes the loss of the merged colour,
-//! a difference of 1 counting like a displacement by a cell.
+//! vertex itself, which keeps vertices of flat regions in place and `A` invertible. The merged
+//! vertex lies at the minimum of the sum of both quadrics. The loss of the merged colour is added;
+//! a difference of 1 counts like a displacement by a cell.
 //!
-//! Collapses that would turn a triangle over or pinch the surface wait until no others are left.
+//! Collapses that would flip a triangle or pinch the surface wait until no others are left.
 //!
-//! Extents start at +0 and take a coordinate only if it is really beyond: `f64::min` and `f64::max`
-//! may return either zero of two, depending on the machine.
+//! Extents start at +0 and take a coordinate only if it is strictly beyond: of two zeros,
+//! `f64::min` and `f64::max` may return either, depending on the machine.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,9 +17,9 @@ use std::collections::BinaryHeap;
 use super::triangles::TriangleSoup;
 use super::vector::{cross, dot, length, minus};
 
-/// Weight of the distance to the vertex itself, of that to its planes.
+/// Weight of the distance to the vertex itself, relative to that to its planes.
 const OWN_SHARE: f64 = 1e-3;
-/// Cosine of the angle by which a triangle may turn in one collapse.
+/// Cosine of the maximum rotation of a triangle in one collapse.
 const LEAST_TURN: f64 = 0.2;
 
 /// At most `max_triangles` triangles made from `soup`; `cell` is the unit in which colours count.
@@ -88,11 +88,11 @@ impl Quadric {
     }
 }
 
-/// The collapse of an edge, in the order in which collapses happen. The queue holds millions, so it
-/// is small: where the merged vertex lies is computed again.
+/// The collapse of an edge, ordered by execution. The queue holds millions, so it is small: the
+/// merged vertex is recomputed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct EdgeCollapse {
-    /// The bits of the loss of merging the two vertices: floats from 0 on have the order of theirs.
+    /// The bits of the loss of merging the two vertices: non-negative floats sort like their bits.
     loss: u64,
     /// The vertices, the lower number first.
     pair: [u32; 2],
@@ -100,12 +100,12 @@ struct EdgeCollapse {
     changes: [u32; 2],
 }
 
-/// Collapses, the one with the least loss first. Those beyond a bound, which are rarely reached, wait
-/// without order: a heap of all of them would not fit the caches.
+/// Collapses in the order of their loss. Those beyond a bound are rarely reached and stay unsorted,
+/// because a heap of all of them would not fit into the caches.
 struct Queue {
-    /// Those that were there first, from the last one on.
+    /// Initial collapses, sorted from the end.
     sorted: Vec<EdgeCollapse>,
-    /// Later ones.
+    /// Later collapses.
     heap: BinaryHeap<Reverse<EdgeCollapse>>,
     /// The largest loss in `sorted` and in `heap`.
     bound: u64,
@@ -113,7 +113,7 @@ struct Queue {
 }
 
 impl Queue {
-    /// Of edges of which so many will likely be collapsed.
+    /// For edges, with the expected number of collapses.
     fn new(mut edges: Vec<EdgeCollapse>, likely: usize) -> Self {
         edges.sort_unstable();
         let bound = edges.get(likely).map_or(u64::MAX, |edge| edge.loss);
@@ -153,14 +153,14 @@ struct Surface {
     alive: Vec<bool>,
     count: usize,
     quadrics: Vec<Quadric>,
-    /// Area that each vertex stands for: the weight of its colour.
+    /// Area of each vertex: the weight of its colour.
     weights: Vec<f64>,
     changes: Vec<u32>,
     /// Squared.
     cell: f64,
-    /// The first position, taken from all others to keep digits.
+    /// The first position, subtracted from all others for precision.
     origin: [f64; 3],
-    /// Lowest and highest coordinates: no merged vertex leaves the box of the surface.
+    /// Lowest and highest coordinates; merged vertices stay in this box.
     extent: [[f64; 3]; 2],
 }
 
@@ -220,7 +220,7 @@ impl Surface {
             let others = near.iter().filter(|other| **other > vertex);
             edges.extend(others.map(|&other| self.edge_collapse(vertex, other)));
         }
-        // A collapse takes two triangles, and others become possible in its place.
+        // A collapse removes two triangles, and makes other collapses possible.
         let likely = self.count - max_triangles;
         let mut queue = Queue::new(edges, likely);
         while let Some(edge) = queue.pop() {
@@ -244,8 +244,8 @@ impl Surface {
         }
     }
 
-    /// The other corners of a vertex's triangles, each once, in the order of their numbers. `others`
-    /// is emptied first: a list for each collapse would be a tenth of the time.
+    /// The other corners of a vertex's triangles, each once, in the order of their numbers.
+    /// `others` is cleared first: a new list per collapse would take a tenth of the time.
     fn neighbours(&self, vertex: u32, others: &mut Vec<u32>) {
         others.clear();
         for &triangle in &self.around[vertex as usize] {
@@ -262,7 +262,7 @@ impl Surface {
         a.plus(b)
     }
 
-    /// Where two vertices merge.
+    /// The position of the merged vertex of two vertices.
     fn merged(&self, pair: [u32; 2]) -> [f64; 3] {
         let to = self.quadric(pair).least().unwrap_or_else(|| {
             let [from, to] = pair.map(|vertex| self.soup.positions[vertex as usize]);
@@ -284,8 +284,8 @@ impl Surface {
         EdgeCollapse { loss: loss.to_bits(), pair: [low, high], changes }
     }
 
-    /// True if no triangle turns over, and the surface around the edge stays a surface: the
-    /// vertices that both ends are joined to are the third corners of the edge's two triangles.
+    /// True if no triangle flips and the surface stays a manifold: the common neighbours of both
+    /// ends are the third corners of the edge's two triangles.
     fn is_harmless(&self, [a, b]: [u32; 2], to: [f64; 3], [near, far]: [&mut Vec<u32>; 2]) -> bool {
         self.neighbours(a, near);
         self.neighbours(b, far);
@@ -334,7 +334,7 @@ impl Surface {
             }
             let corners = *corners;
             match self.twin(kept, corners) {
-                // Both sides of nothing.
+                // Both sides of an empty region.
                 Some((twin, true)) => [triangle, twin].into_iter().for_each(|t| self.remove(t)),
                 Some((_, false)) => self.remove(triangle),
                 None => self.around[kept].push(triangle),
@@ -342,7 +342,7 @@ impl Surface {
         }
     }
 
-    /// A triangle around a vertex with the same corners, and whether it faces the other way.
+    /// A triangle of a vertex with the same corners, and whether it faces the opposite direction.
     fn twin(&self, vertex: usize, corners: [u32; 3]) -> Option<(u32, bool)> {
         let [a, b, c] = corners;
         let same = [[a, b, c], [b, c, a], [c, a, b]];
@@ -363,7 +363,7 @@ impl Surface {
         }
     }
 
-    /// What is left, without vertices that were merged into others.
+    /// The remaining surface, without merged vertices.
     fn finish(mut self) -> TriangleSoup {
         let mut alive = self.alive.iter();
         self.soup.triangles.retain(|_| alive.next() == Some(&true));

@@ -1,13 +1,13 @@
-//! Surface nets (Gibson 1998): one vertex a cell.
+//! Surface nets (Gibson 1998): one vertex per cell.
 
 use super::opacity_grid::{INSIDE, OpacityGrid};
 use super::triangles::TriangleSoup;
 use super::vector::{length, minus};
 
-/// Marks cells that the surface does not go through.
+/// Marks cells without a surface.
 const NO_VERTEX: u32 = u32::MAX;
 
-/// The surface around the opaque nodes. Each edge of the grid that it crosses gives two triangles.
+/// The surface around the opaque nodes. Each crossed edge of the grid gives two triangles.
 pub fn surface(grid: &OpacityGrid) -> TriangleSoup {
     let mut soup = TriangleSoup::default();
     let strides = grid.strides();
@@ -62,7 +62,7 @@ fn vertices(grid: &OpacityGrid, soup: &mut TriangleSoup) -> Vec<u32> {
     vertices
 }
 
-/// The mean of where the surface crosses a cell's edges, if it does.
+/// The mean of the surface's crossings with a cell's edges, if any.
 fn crossing(grid: &OpacityGrid, corners: &[(usize, [f64; 3]); 8]) -> Option<[f64; 3]> {
     let (mut sum, mut count) = ([0.0; 3], 0.0);
     for low in 0..8 {
@@ -95,7 +95,7 @@ fn color(grid: &OpacityGrid, corners: &[(usize, [f64; 3]); 8]) -> [f64; 3] {
         }
         total += weight;
     }
-    // Cavities that became opaque have no colour, but never touch the outside.
+    // Filled cavities have no colour, but never touch the outside.
     if total > 0.0 { sum.map(|sum| sum / total) } else { sum }
 }
 

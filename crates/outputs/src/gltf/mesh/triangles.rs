@@ -1,4 +1,4 @@
-//! Triangles with coloured vertices: while they are worked on, and as they are written.
+//! Triangles with coloured vertices, in editable and in final form.
 
 use super::vector::{cross, length, minus};
 use crate::base::srgb::linear;
@@ -15,15 +15,15 @@ pub struct Mesh {
     pub colors: Vec<[f64; 3]>,
     /// Numbers of positions; no triangle is degenerate.
     pub triangles: Vec<[u32; 3]>,
-    /// True if it shows anything: the mesh of an empty field is its box, not to be drawn.
+    /// True if it is visible: the mesh of an empty field is its box, and is not drawn.
     pub visible: bool,
 }
 
-/// Vertices and triangles while they are worked on.
+/// Vertices and triangles in editable form.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TriangleSoup {
     pub(super) positions: Vec<[f64; 3]>,
-    /// As the field has them: display-referred sRGB.
+    /// Display-referred sRGB, as in the field.
     pub(super) colors: Vec<[f64; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
@@ -50,8 +50,8 @@ impl TriangleSoup {
         });
     }
 
-    /// Unit normals of the vertices, outwards: means over their triangles by area. Along z where
-    /// they cancel.
+    /// Unit normals of the vertices, outwards: means over their triangles, weighted by area. Along
+    /// z if they cancel.
     pub(super) fn normals(&self) -> Vec<[f64; 3]> {
         let mut sums = vec![[0.0; 3]; self.positions.len()];
         for corners in &self.triangles {
@@ -63,7 +63,8 @@ impl TriangleSoup {
             }
         }
         let unit = |sum: [f64; 3]| {
-            // By its largest number first, so that the squares of tiny triangles are not lost.
+            // Scaled by its largest component first, so that squares of tiny triangles do not
+            // underflow.
             let most = sum.iter().fold(0.0f64, |most, along| most.max(along.abs()));
             match most > 0.0 && most.is_finite() {
                 true => {
@@ -80,7 +81,7 @@ impl TriangleSoup {
 impl Mesh {
     pub(super) fn of_soup(soup: &TriangleSoup) -> Self {
         let rounded: Vec<[f32; 3]> = soup.positions.iter().map(|p| p.map(|v| v as f32)).collect();
-        // Rounding can flatten a sliver.
+        // Rounding can make a sliver degenerate.
         let area = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(|corner| rounded[corner as usize].map(f64::from));
             length(cross(minus(b, a), minus(c, a))) > 0.0
@@ -109,7 +110,7 @@ impl Mesh {
         mesh
     }
 
-    /// The box of a field without visible nodes, so that viewers know its place.
+    /// The box of a field without visible nodes, to give viewers its place.
     pub(super) fn of_box(bounds: &Bounds) -> Self {
         let corner = |i: u32| {
             let side = |axis: usize| {

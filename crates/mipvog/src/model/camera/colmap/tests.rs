@@ -59,7 +59,7 @@ fn text_and_binary_models_have_the_same_cameras() {
     assert_eq!(of_text.warnings, of_bytes.warnings);
     assert!(of_text.warnings[0].contains("frame second one: distortion of the lens (k1)"));
     let [first, second] = of_text.cameras.as_slice() else { panic!("two cameras") };
-    // The world is not turned, so the camera looks along its z axis, upside down.
+    // The world is not rotated, so the camera looks along its z axis, upside down.
     assert_eq!(first.to_world.w_axis.truncate(), DVec3::new(-1.0, -2.0, -3.0));
     let ray = first.ray(20.0, 15.0);
     assert_eq!(ray.direction, DVec3::Z);
@@ -68,7 +68,7 @@ fn text_and_binary_models_have_the_same_cameras() {
     assert!((second.to_world.w_axis.truncate() - DVec3::new(0.0, -5.0, 0.0)).length() < 1e-12);
     assert!((second.ray(10.0, 5.0).direction - DVec3::Y).length() < 1e-12);
     assert_eq!(second.lens.focal, [25.0, 26.0]);
-    // Lenses that are no pinholes are refused where they are picked.
+    // Lenses that are not pinholes are refused when they are selected.
     let error = read("images.txt").pick(&["third".to_owned()]).expect_err("a fish's eye");
     assert!(error.to_string().contains("OPENCV_FISHEYE"), "{error}");
 }

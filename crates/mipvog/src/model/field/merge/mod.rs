@@ -1,14 +1,15 @@
 //! Several fields as one.
 //!
-//! The grid of the first field goes on, voxel by voxel, as far as the others reach ([`part`]). A
-//! node of it reads every field whose box it lies in ([`values`]):
+//! The grid of the first field is extended to the boxes of the others ([`part`]). Each of its nodes
+//! reads every field whose box contains it ([`values`]):
 //!
-//! * **Density**: optical depths per world unit add up, as those of mixed fogs do. Where one field
-//!   alone is visible and its densities mean the same as the first one's, its value stays as it is.
+//! * **Density**: optical depths per world unit add up, as those of mixed fogs do. If only one
+//!   field is visible and its densities have the meaning of the first one's, its value does not
+//!   change.
 //! * **Colour**: the average, weighted by optical depth.
 //! * **Where a field ends**, at a face of its box, a crop or its free-space mask, its values count
-//!   only where no other field goes on, and of several such fields the densest one's. So the parts
-//!   that a scene was cut into merge to that scene.
+//!   only if no other field continues there; of several such fields, the densest one counts. So the
+//!   parts of a cut scene merge to the original scene.
 //!
 //! Fields whose nodes coincide with the grid are copied; others are interpolated there, so those
 //! with finer voxels lose detail. Nodes that a crop or a mask cuts off are empty, and the merged
@@ -34,8 +35,8 @@ use crate::model::view_dependence::ViewDependence;
 pub(super) const COINCIDENT: f64 = 1e-2;
 
 impl RadianceField {
-    /// The field of several ones in the world that they share. Voxels, steps, background and the
-    /// meaning of density are the first one's.
+    /// Merges several fields in their common world. Voxels, steps, background and the meaning of
+    /// density are those of the first one.
     ///
     /// # Errors
     ///
@@ -86,7 +87,7 @@ pub(super) fn depth_of_density(scene: &Scene) -> f64 {
 const ATTACH: &str = "attach both to one glTF asset, where each keeps its own grid and colours; \
                       colours without view dependence (view none) always fit each other";
 
-/// Refuses fields whose optical depths at nodes do not say what lies between them.
+/// Refuses fields whose optical depths at nodes do not determine those between nodes.
 fn refuse_unlike_fog(field: &RadianceField) -> Result<()> {
     let refuse = |found: &str, expected: &str| {
         Err(Error::unsupported(Place::File, found, expected).advise(ATTACH))
@@ -106,7 +107,7 @@ fn refuse_unlike_fog(field: &RadianceField) -> Result<()> {
 /// The meaning of a field's colour channels.
 type Color = (ColorDomain, Option<ViewDependence>);
 
-/// What both fields' colours mean, the higher degree of harmonics counting.
+/// The common meaning of both fields' colours, with the higher degree of harmonics.
 fn merged_view(own: &Color, other: &Color) -> Result<Option<ViewDependence>> {
     if own == other {
         return Ok(own.1.clone());
@@ -129,7 +130,7 @@ fn merged_view(own: &Color, other: &Color) -> Result<Option<ViewDependence>> {
     Err(Error::unsupported(place, found, "that of the first scene").advise(ATTACH))
 }
 
-/// The grid, with more nodes at the distances of its own, until it holds the boxes of others.
+/// The grid, extended by nodes of the same distance until it contains the other boxes.
 fn extended(own: &Lattice, others: &[RadianceField], limits: &Limits) -> Result<Lattice> {
     let mut lattice = *own;
     let (extent, mut sizes) = (own.bounds.extent(), [0; 3]);

@@ -7,10 +7,10 @@ use crate::base::error::Result;
 use crate::model::field::{Lattice, RadianceField, Scene};
 use crate::model::grid::{Bounds, NodeMask, row};
 
-/// Samples so many voxels around a node say whether its field goes on there.
+/// Samples this many voxels around a node determine whether its field continues there.
 const REACH: f64 = 0.5;
 
-/// Densities mean the same where optical depths differ by no more than this share.
+/// Densities mean the same if optical depths differ by at most this share.
 const SAME_DEPTH: f64 = 1e-6;
 
 /// A field, and the nodes of a grid that lie in its box.
@@ -19,11 +19,11 @@ pub struct Part {
     field: RadianceField,
     /// The nodes of the grid in the field's box, along each axis.
     pub spans: [Range<usize>; 3],
-    /// Of each of them, the field's node at or below it, and the share of the next one.
+    /// For each of them, the field's node at or below it, and the weight of the next one.
     places: [Vec<(usize, f64)>; 3],
-    /// Of each of them, whether it is no face of the field's box.
+    /// For each of them, whether it lies off the faces of the field's box.
     within: [Vec<bool>; 3],
-    /// What a crop or a free-space mask leaves.
+    /// The nodes that a crop or a free-space mask leaves.
     left: Option<Left>,
     /// Optical depth per world unit of a density of 1.
     depth_of_density: f64,
@@ -34,14 +34,14 @@ pub struct Part {
 /// Nodes of the grid that a field's crop and free-space mask leave.
 #[derive(Debug)]
 struct Left {
-    /// Those near which a sample counts.
+    /// Nodes with any counting sample nearby.
     some: NodeMask,
-    /// Those around which every sample counts.
+    /// Nodes with only counting samples around.
     all: NodeMask,
 }
 
 impl Part {
-    /// A field on `lattice`, whose densities mean what those of `first` do.
+    /// A field on `lattice`, whose densities have the meaning of `first`.
     pub fn new(field: &RadianceField, lattice: &Lattice, first: &Scene) -> Result<Self> {
         let own = field.lattice();
         let mut spans = [0..0, 0..0, 0..0];
@@ -85,8 +85,7 @@ impl Part {
         spans.all(|(a, b)| a.start.max(b.start) < a.end.min(b.end))
     }
 
-    /// True if the field goes on around a node in its box: neither a face of the box nor a crop or
-    /// a mask cuts there.
+    /// True if the field continues around a node in its box: no face, crop or mask cuts there.
     pub fn goes_on(&self, node: [usize; 3]) -> bool {
         let is_within = |axis: usize| self.within[axis][node[axis] - self.spans[axis].start];
         let all = self.left.as_ref().is_none_or(|left| left.all.contains(node));
@@ -99,10 +98,10 @@ impl Part {
     }
 
     /// Raw densities at the nodes in the box of plane `x` of the grid; nodes that do not count are
-    /// empty. None beside the box.
+    /// empty. None outside the box.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn densities(&self, x: usize) -> Result<Option<Vec<f32>>> {
         let Some(mut values) = self.channel(0, x)? else { return Ok(None) };
         if let Some(left) = &self.left {
@@ -120,12 +119,12 @@ impl Part {
     /// A channel of colour likewise; 0 for one that the field lacks.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub fn colors(&self, channel: usize, x: usize) -> Result<Option<Vec<f32>>> {
         self.channel(1 + channel, x)
     }
 
-    /// A channel, 0 being density, at the nodes in the box of plane `x` of the grid.
+    /// A channel (0 is density) at the nodes in the box of plane `x` of the grid.
     fn channel(&self, channel: usize, x: usize) -> Result<Option<Vec<f32>>> {
         let [xs, ys, zs] = &self.spans;
         if !xs.contains(&x) || ys.is_empty() || zs.is_empty() {
@@ -172,7 +171,7 @@ fn place(at: f64, last: usize) -> Option<(usize, f64)> {
     Some((low, at - low as f64))
 }
 
-/// What the field's crop and free-space mask leave of the grid; none where it has neither.
+/// The grid's nodes that the field's crop and free-space mask leave; none if it has neither.
 fn left(
     field: &RadianceField,
     lattice: &Lattice,

@@ -94,7 +94,7 @@ fn fogs_add_up_and_colours_mix_by_depth() {
         for world in positions(&merged) {
             let raw = fields.each_ref().map(|field| at(field, 0, world));
             let mut depths = [0, 1].map(|i| raw[i].map_or(0.0, |raw| depth(&fields[i], raw)));
-            // Faces of boxes count where the other field does not go on.
+            // Faces of boxes count where the other field does not continue.
             let on = fields.each_ref().map(|field| goes_on(field, world));
             for i in [0, 1] {
                 let denser = depths[1 - i] > depths[i] && !on[i];

@@ -9,8 +9,8 @@ use crate::model::activate;
 use crate::model::field::{Activation, DensityFunction, Grid, NodeValues};
 use crate::model::grid::Nodes;
 
-/// A colour counts at least as much as that of this optical depth, so that nodes where no field is
-/// visible have one, too.
+/// Minimum weight of a colour, as an optical depth, so that nodes without a visible field have a
+/// colour too.
 const LEAST_WEIGHT: f64 = 1e-300;
 
 /// Fields on one grid.
@@ -29,23 +29,23 @@ pub struct Merged {
 #[derive(Debug)]
 pub struct MergedDensity(pub Arc<Merged>);
 
-/// Colour and all that it is made of.
+/// Colour and all its components.
 #[derive(Debug)]
 pub struct MergedColor {
     pub merged: Arc<Merged>,
     pub channels: usize,
 }
 
-/// What is known of a node.
+/// The state of a node.
 #[derive(Debug, Clone, Copy)]
 struct Sum {
-    /// True once a field counts that goes on around the node.
+    /// True once a field that continues around the node counts.
     goes_on: bool,
     /// Optical depth.
     depth: f64,
     /// A number, weighted by optical depth.
     weighted: f64,
-    /// The largest depth, and the raw density that it is of, if that means the same as a merged one.
+    /// The largest depth, and its raw density if that has the merged meaning.
     largest: f64,
     raw: Option<f32>,
 }
@@ -85,8 +85,8 @@ impl Merged {
         }
     }
 
-    /// Calls `add` with the place in plane `x`, the place in the part's values, and whether the
-    /// part goes on there, for each node of the part.
+    /// For each node of the part, calls `add` with its index in plane `x`, its index in the part's
+    /// values, and whether the part continues there.
     fn visit(&self, part: &Part, x: usize, mut add: impl FnMut(usize, usize, bool)) {
         let [_, ys, zs] = &part.spans;
         for (row, y) in ys.clone().enumerate() {
@@ -111,7 +111,7 @@ impl Merged {
         for (value, sum) in out.iter_mut().zip(sums) {
             *value = match sum {
                 None => self.activation.empty_raw(),
-                // What the others add is too little to be a number.
+                // The others' shares are lost in rounding.
                 Some(Sum { depth, largest, raw: Some(raw), .. }) if depth == largest => raw,
                 Some(Sum { depth, .. }) => self.raw(depth),
             };
