@@ -12,7 +12,7 @@ pub fn fit_assumption(degree: usize, is_plain: bool, cameras: &[[f64; 3]]) -> As
         value: if is_plain { format!("none{seen}") } else { format!("sh:{degree}{seen}") },
         message: format!(
             "colours come from a network that runs at every sample: a bake replaces it with harmonics \
-             of degree {degree}, fitted at each node along the directions that see it; pictures of \
+             of degree {degree}, fitted along the directions that see each part of it; pictures of \
              the unbaked file use the network; option view sets the degree"
         ),
     }

@@ -211,3 +211,135 @@ impl Equations {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::node_set::corner_shares;
+    use super::*;
+    use crate::model::grid::NodeMask;
+
+    const COUNTS: [usize; 3] = [3, 4, 5];
+
+    /// A point: its cell, its place in it, its weight and its value.
+    type At = ([usize; 3], [f64; 3], f64, f64);
+
+    /// Four points of each cell.
+    fn points(value: impl Fn([f64; 3]) -> f64) -> Vec<At> {
+        let mut seed = 5u32;
+        let mut noise = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 24)
+        };
+        let [nx, ny, nz] = COUNTS;
+        let mut points = Vec::new();
+        for at in 0..4 * (nx - 1) * (ny - 1) * (nz - 1) {
+            let cell =
+                [at / 4 / (nz - 1) / (ny - 1), at / 4 / (nz - 1) % (ny - 1), at / 4 % (nz - 1)];
+            let inside = [(); 3].map(|()| noise());
+            let place = [0, 1, 2].map(|axis| cell[axis] as f64 + inside[axis]);
+            points.push((cell, inside, 0.1 + noise(), value(place)));
+        }
+        points
+    }
+
+    fn corner_numbers(set: &NodeSet, cell: [usize; 3]) -> [usize; 8] {
+        [0usize, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
+            let up = [corner >> 2, corner >> 1 & 1, corner & 1];
+            set.number([0, 1, 2].map(|axis| cell[axis] + up[axis])).expect("a node")
+        })
+    }
+
+    fn solved(points: &[At]) -> (NodeSet, Vec<f32>) {
+        let (nodes, full) = (Nodes(COUNTS), NodeMask::full(Nodes(COUNTS)));
+        let set = NodeSet::new(nodes, (0..COUNTS[0]).map(|x| full.plane(x).to_vec()).collect());
+        let limits = Limits::default();
+        let mut equations = Equations::new(&set, nodes, 2, &limits).expect("little memory");
+        for x in 0..COUNTS[0] - 1 {
+            let mut slab = Slab::new(&set, x, 2);
+            for (cell, inside, weight, value) in points.iter().filter(|point| point.0[0] == x) {
+                let shares = corner_shares(*inside).map(|share| share as f32);
+                // The second channel is the first one twice.
+                let values = [*value as f32, 2.0 * *value as f32];
+                let corners = corner_numbers(&set, *cell);
+                slab.add(&corners, &shares, *weight as f32, values.into_iter());
+            }
+            equations.add(&slab);
+        }
+        let (values, has_points) = equations.solve().expect("no failure");
+        assert!(has_points.into_iter().all(|has| has));
+        (set, values)
+    }
+
+    /// The sum that is minimised, in float64.
+    fn cost(set: &NodeSet, points: &[At], values: &[f64]) -> f64 {
+        let mut sums = vec![[0.0; 2]; set.count()];
+        let mut cost = 0.0;
+        for (cell, inside, weight, value) in points {
+            let mut between = 0.0;
+            for (number, share) in
+                corner_numbers(set, *cell).into_iter().zip(corner_shares(*inside))
+            {
+                between += share * values[number];
+                sums[number][0] += weight * share;
+                sums[number][1] += weight * share * value;
+            }
+            cost += weight * (between - value).powi(2);
+        }
+        let pulls = sums.iter().zip(values);
+        cost + pulls.map(|([w, sum], c)| RIDGE * w * (c - sum / w).powi(2)).sum::<f64>()
+    }
+
+    /// The weighted means of the points around each node.
+    fn means(set: &NodeSet, points: &[At]) -> Vec<f64> {
+        let mut sums = vec![[0.0; 2]; set.count()];
+        for (cell, inside, weight, value) in points {
+            for (number, share) in
+                corner_numbers(set, *cell).into_iter().zip(corner_shares(*inside))
+            {
+                sums[number][0] += weight * share;
+                sums[number][1] += weight * share * value;
+            }
+        }
+        sums.into_iter().map(|[weight, sum]| sum / weight).collect()
+    }
+
+    /// The minimum, by very many small steps of each value in turn.
+    fn minimum(set: &NodeSet, points: &[At], from: &[f64]) -> f64 {
+        let mut values = from.to_vec();
+        for _ in 0..60 {
+            for number in 0..values.len() {
+                // A parabola along each value: three points tell its lowest one.
+                let at = values[number];
+                let costs = [at - 1.0, at, at + 1.0].map(|value| {
+                    values[number] = value;
+                    cost(set, points, &values)
+                });
+                let bend = costs[0] - 2.0 * costs[1] + costs[2];
+                values[number] = at + 0.5 * (costs[0] - costs[2]) / bend;
+            }
+        }
+        cost(set, points, &values)
+    }
+
+    #[test]
+    fn values_are_nearly_the_best_ones() {
+        let points = points(|[x, y, z]| (2.1 * x + 0.4 * y).sin() + (1.7 * z).cos() * y);
+        let (set, values) = solved(&points);
+        let (first, second) = values.split_at(set.count());
+        assert!(first.iter().zip(second).all(|(a, b)| (2.0 * a - b).abs() < 1e-4));
+        let found: Vec<f64> = first.iter().copied().map(f64::from).collect();
+        let (own, least) = (cost(&set, &points, &found), minimum(&set, &points, &found));
+        let from_means = cost(&set, &points, &means(&set, &points));
+        assert!(own - least < 0.02 * (from_means - least), "{own} of {from_means} to {least}");
+    }
+
+    #[test]
+    fn what_is_linear_between_nodes_is_found_again() {
+        let points = points(|[x, y, z]| 0.3 + x * y - 0.2 * z);
+        let (set, values) = solved(&points);
+        let found: Vec<f64> = values[..set.count()].iter().copied().map(f64::from).collect();
+        // All that is left is the pull to the means.
+        let left = cost(&set, &points, &found) / cost(&set, &points, &means(&set, &points));
+        assert!(left < 0.15, "{left}");
+    }
+}
