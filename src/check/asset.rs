@@ -1,5 +1,5 @@
-//! Findings in a glTF asset that general glTF validators cannot make: in its radiance fields and
-//! their containers.
+//! Findings in the radiance fields of a glTF asset and in their containers, which general glTF
+//! validators cannot check.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use crate::base::finding::{Code, Finding, Report, checked};
 use crate::base::limits::Limits;
 use mipvog_outputs::gltf::asset::{Asset, Fields, rules};
 
-/// Reports everything that is wrong with an asset.
+/// Reports all faults of an asset.
 pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Result<()> {
     let Some(asset) = checked(Asset::open(file, limits), Code::Asset, report)? else {
         return Ok(());
@@ -38,8 +38,8 @@ pub fn check(file: Arc<SourceFile>, limits: &Limits, report: &mut Report) -> Res
     Ok(())
 }
 
-/// Invalid references to vertex positions. They are reported and replaced, because the library's
-/// rules follow them unchecked.
+/// Reports and replaces invalid references to vertex positions: the library's rules follow
+/// references unchecked.
 fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     let accessors = root.accessors.len();
     let name = Checked::Valid(Semantic::Positions);
@@ -63,16 +63,16 @@ fn positions(root: &mut Root, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Adds values that are optional in glTF but required by the library: an accessor without a view is
-/// zeros, a texture's source may be an extension's.
+/// True for values that glTF makes optional and the library requires: an accessor without a view is
+/// all zeros, and a texture's source can be in an extension.
 fn may_be_missing(pointer: &str) -> bool {
     let parts: Vec<&str> = pointer.split('/').skip(1).collect();
     matches!(*parts, ["accessors", _, "bufferView"] | ["textures", _, "source"])
 }
 
-/// A document in the form that the library reads: integers written as integers, scenes with their
-/// lists, and channel targets with their nodes. glTF 2.0 allows other forms; a target without a
-/// node is an extension's.
+/// Rewrites a document for the library, which requires integers written as integers, node lists in
+/// scenes and nodes in channel targets. glTF 2.0 allows other forms. A target without a node
+/// belongs to an extension.
 fn in_plain_words(value: &mut Value) {
     let has_nodes = value.pointer("/nodes/0").is_some();
     let animations = value.get_mut("animations").and_then(Value::as_array_mut);

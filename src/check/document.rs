@@ -1,5 +1,5 @@
-//! Rules of glTF 2.0 that the library does not check: extensions that are required but not used,
-//! cycles of nodes, data missing from its URI.
+//! Rules of glTF 2.0 that the library does not check: required extensions that are not used, cycles
+//! of nodes, URIs without data.
 
 use serde_json::Value;
 

@@ -18,9 +18,9 @@ use mipvog_outputs::gltf::asset::is_asset;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct CheckOptions {
-    /// Findings beyond this many are counted, not listed. Default: 1000
+    /// Maximum number of listed findings; more are only counted. Default: 1000
     pub max_findings: usize,
-    /// The user's settings for an input. Default: none
+    /// The user's settings for an input of a bake. Default: none
     pub source: SourceOptions,
 }
 
@@ -34,23 +34,23 @@ impl Default for CheckOptions {
 /// bake.
 ///
 /// # Errors
-/// Only if the file cannot be opened or read at all; faults of its bytes are in the report.
+/// The file cannot be opened or read at all. Faults of its bytes are in the report.
 pub fn check(path: &Path, limits: &Limits) -> Result<Report> {
     check_with(path, &CheckOptions::default(), limits)
 }
 
-/// The same with options.
+/// Validates a file with options; see [`check`].
 ///
 /// # Errors
-/// Those of [`check`], and `Usage` for options out of range.
+/// As [`check`], and `Usage` for options out of range.
 pub fn check_with(path: &Path, options: &CheckOptions, limits: &Limits) -> Result<Report> {
     check_file(Arc::new(SourceFile::open(&file_of(path))?), options, limits)
 }
 
-/// The same for a file that is open already.
+/// Validates an open file; see [`check_with`].
 ///
 /// # Errors
-/// Those of [`check_with`].
+/// As [`check_with`].
 pub fn check_file(
     file: Arc<SourceFile>,
     options: &CheckOptions,

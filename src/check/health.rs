@@ -1,8 +1,8 @@
 //! The health of a trained scene: one pass over its values, plane by plane.
 //!
-//! Memory is two planes per thread and a few numbers per plane, whatever the scene's size. Findings
-//! name silent faults of training: values that are NaN or far outside the range, scenes that are
-//! fully empty or fully opaque, channels and network inputs without effect.
+//! Memory use is two planes per thread plus a few numbers per plane of the scene. Findings name
+//! silent faults of training: NaN or extreme values, scenes that are fully empty or fully opaque,
+//! and channels and network inputs without effect.
 
 use serde::Serialize;
 
@@ -13,39 +13,38 @@ use crate::base::progress::Silent;
 use crate::model::field::{Grid, Nonfinite, NonfiniteCount, Planes, RadianceField, verify_crc32};
 use crate::model::view_mlp::ViewMlp;
 
-/// Opacity over one interval up to which a node counts as empty: the threshold of a bake without
-/// options.
+/// A node of at most this opacity over one interval is empty. The default threshold of a bake.
 const EMPTY_OPACITY: f64 = 1e-3;
-/// Raw values beyond this indicate failed training: logits of trained scenes end near 100.
+/// Raw values beyond this indicate failed training: logits of trained scenes reach about 100.
 const LARGEST_RAW: f32 = 1e4;
-/// Share of nodes that must be empty for a scene to be worth pruning.
+/// Pruning pays if at least this share of the nodes is empty.
 const LEAST_EMPTY: f64 = 0.01;
 
-/// Measurements of a scene's values.
+/// Statistics of a scene's values.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Health {
-    /// Nodes of the grid.
+    /// Number of nodes of the grid.
     pub nodes: u64,
-    /// Share of them with an opacity over one interval of at most 0.001.
+    /// Share of nodes whose opacity over one interval is at most 0.001; 0 to 1.
     pub empty_share: f64,
-    /// Values that are not finite, of all channels.
+    /// Number of values that are not finite, over all channels.
     pub nonfinite: u64,
-    /// Raw density, then each channel of colour.
+    /// Statistics of raw density, then of each colour channel.
     pub channels: Vec<ChannelHealth>,
-    /// Inputs of the view network's first layer that have no weight but 0.
+    /// Inputs of the view network's first layer whose weights are all 0, by index from 0.
     pub unused_network_inputs: Vec<usize>,
 }
 
-/// Measurements of a channel.
+/// Statistics of one channel.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ChannelHealth {
     /// `density`, or `k0` and the number of the channel.
     pub name: String,
-    /// Lowest and highest finite raw value; null where there is none.
+    /// Lowest and highest finite raw value; null if no value is finite.
     pub range: Option<[f32; 2]>,
-    /// The same over nodes that are not empty.
+    /// Lowest and highest finite raw value of the nodes that are not empty; null if there is none.
     pub seen_range: Option<[f32; 2]>,
 }
 
@@ -58,8 +57,8 @@ struct Tally {
     checksum: crc32fast::Hasher,
 }
 
-/// Reports the faults of a scene's values and network. Returns the measurements, or nothing if
-/// values cannot be read.
+/// Reports faults in the values and the network of a scene. Returns the statistics, or `None` if
+/// the values are unreadable.
 pub fn check(field: &RadianceField, report: &mut Report) -> Result<Option<Health>> {
     let Some(planes) = checked(tallies(field), Code::Input, report)? else { return Ok(None) };
     checksums(field, &planes, report)?;
@@ -116,7 +115,7 @@ fn tallies(field: &RadianceField) -> Result<Vec<Plane>> {
     })
 }
 
-/// Reads a plane; the tally has its checksum.
+/// Reads a plane into `values`, and tallies it with its checksum.
 fn read(grid: &Grid, channel: usize, x: usize, values: &mut [f32]) -> Result<Tally> {
     let mut tally = Tally::default();
     grid.read_plane(channel, x, values, |stored| tally.checksum.update(stored))?;
@@ -179,7 +178,7 @@ fn merged(channel: usize, planes: &[Plane]) -> Tally {
     whole
 }
 
-/// Compares stated checksums with those of the read values.
+/// Compares the stated checksums with those of the values.
 fn checksums(field: &RadianceField, planes: &[Plane], report: &mut Report) -> Result<()> {
     let stated = Planes::new(field, None, Nonfinite::Empty);
     let channels = 1 + field.color_channels();
@@ -195,7 +194,7 @@ fn checksums(field: &RadianceField, planes: &[Plane], report: &mut Report) -> Re
     Ok(())
 }
 
-/// Values that are not finite, or far out of range.
+/// Reports values that are not finite or far out of range.
 fn values(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     if let NonfiniteCount { count, first: Some([_, x, y, z]) } = tally.found {
         let first = [channel.saturating_sub(1), x, y, z];
@@ -211,7 +210,7 @@ fn values(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Scenes that are empty, or opaque everywhere.
+/// Reports scenes that are fully empty or fully opaque.
 fn space(health: &Health, report: &mut Report) -> Result<()> {
     let (code, found, expected) = match health.empty_share {
         1.0 => (Code::SpaceEmpty, "no visible node".to_owned(), "some"),
@@ -225,7 +224,7 @@ fn space(health: &Health, report: &mut Report) -> Result<()> {
     report(Finding { code, error: Error::malformed(place, found, expected) })
 }
 
-/// A constant channel.
+/// Reports a constant channel.
 fn dead(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     let Some([value, _]) = tally.seen_range.filter(|[low, high]| low == high) else {
         return Ok(());
@@ -235,7 +234,7 @@ fn dead(channel: usize, tally: &Tally, report: &mut Report) -> Result<()> {
     report(Finding { code: Code::ChannelDead, error })
 }
 
-/// Inputs of the first layer without a weight.
+/// Inputs of the first layer whose weights are all 0.
 fn unused_inputs(network: &ViewMlp) -> Vec<usize> {
     let Some(first) = network.layers.first() else { return Vec::new() };
     let unused = |input: &usize| {

@@ -11,8 +11,8 @@ use crate::model::field::RadianceField;
 use mipvog_inputs::SourceOptions;
 use mipvog_inputs::tensor::{self, TensorFile};
 
-/// Reports all faults of a file of tensors. Returns the measurements of its values, if they could
-/// be read.
+/// Reports all faults of a file of tensors. Returns the statistics of its values, if they can be
+/// read.
 pub fn check(
     file: Arc<SourceFile>,
     options: &SourceOptions,

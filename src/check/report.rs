@@ -1,4 +1,4 @@
-//! The findings of a file, for programs and people.
+//! The findings of a file, as JSON and as text.
 
 use serde::Serialize;
 
@@ -6,47 +6,47 @@ use super::health::Health;
 use crate::base::error::Place;
 use crate::base::finding::{Code, Finding, Severity};
 
-/// Characters of one message, at most: a found value may be as long as a file.
+/// Maximum length of a message in characters. A found value can be as long as the file.
 const MESSAGE_CHARACTERS: usize = 500;
 
 /// The result of a validation.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Report {
-    /// True if no finding is an error: the file may be used.
+    /// True if the file can be used: no finding is an error.
     pub valid: bool,
-    /// In the order of the file.
+    /// Findings, in the order of the file.
     pub findings: Vec<ReportedFinding>,
-    /// Findings that are not listed because there are too many; above 0 the list is truncated.
+    /// Number of findings beyond the limit, which `findings` leaves out.
     pub unlisted: usize,
-    /// Findings that are errors, listed or not.
+    /// Number of findings that are errors, listed or not.
     #[serde(skip)]
     pub errors: usize,
-    /// Measurements of an input of a bake.
+    /// Statistics of the values; only for an input of a bake.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub health: Option<Health>,
     #[serde(skip)]
     max_findings: usize,
 }
 
-/// A finding as reports print it.
+/// A finding in a report.
 #[derive(Debug, Serialize, Clone)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ReportedFinding {
-    /// Its stable code.
+    /// Stable code of the finding.
     #[serde(serialize_with = "name")]
     #[cfg_attr(feature = "schemas", schemars(with = "String"))]
     pub code: Code,
-    /// The finding's severity.
+    /// Severity of the finding.
     pub severity: Severity,
-    /// The place in the file.
+    /// Place in the file.
     pub place: String,
-    /// The place as a byte of the file, where it is one.
+    /// Byte offset of the place in the file; absent for places that are not bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<u64>,
-    /// The value found and the value expected.
+    /// Found and expected values.
     pub message: String,
-    /// The advice to the file's owner.
+    /// How to fix the file.
     pub remedy: String,
 }
 
@@ -80,7 +80,7 @@ impl Report {
     }
 }
 
-/// A text of at most [`MESSAGE_CHARACTERS`].
+/// Truncates a text to [`MESSAGE_CHARACTERS`].
 fn clipped(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(MESSAGE_CHARACTERS) {
         text.truncate(end);

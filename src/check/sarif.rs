@@ -1,4 +1,4 @@
-//! Findings as SARIF 2.1.0, the form in which continuous integration gathers those of many tools.
+//! Findings as SARIF 2.1.0, which continuous integration collects from many tools.
 //!
 //! One run: the tool with a rule for each code of the catalogue, the files as its artifacts, a
 //! result for each finding. Byte places become regions; all places are also logical locations, in
@@ -17,7 +17,7 @@ use crate::base::finding::{Code, Severity};
 const RESERVED: &AsciiSet =
     &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~').remove(b'/');
 
-/// The stated schema of the log.
+/// URI of the log's schema.
 const SCHEMA: &str =
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json";
 

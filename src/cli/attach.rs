@@ -44,23 +44,27 @@ pub struct Arguments {
     force: bool,
 }
 
-/// What `attach` did.
+/// The report of `attach`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct AttachReport {
+    /// Path of the input asset.
     asset: String,
+    /// Path of the container.
     container: String,
+    /// Path of the written asset.
     output: String,
+    /// Size of the written asset in bytes.
     output_bytes: u64,
-    /// Number of the new field.
+    /// Index of the new field in the asset, from 0.
     field: usize,
-    /// The node that it is on.
+    /// Index of the glTF node that shows the field.
     node: usize,
-    /// True if the container is inside the asset.
+    /// True if the container is embedded in the asset.
     embedded: bool,
-    /// Of the container, in hexadecimal digits.
+    /// SHA-256 of the container in hexadecimal.
     sha256: String,
-    /// Of the output, in hexadecimal digits.
+    /// SHA-256 of the written asset in hexadecimal.
     output_sha256: String,
 }
 
@@ -116,8 +120,8 @@ pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
     }
 }
 
-/// Names the files that `asset` refers to and that do not move with it from the folder of `input`
-/// to that of `output`.
+/// Warns of files that `asset` refers to and that stay in the folder of `input` when the asset is
+/// written to another folder.
 pub fn warn_of_companions(
     asset: &Asset,
     input: &Path,

@@ -83,26 +83,34 @@ pub struct Arguments {
     scene: SceneArguments,
 }
 
-/// The meaning of errors at smaller scales.
+/// What the errors at smaller scales compare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 enum Measures {
-    /// The field at each scale against the reference's full pictures, averaged down.
+    /// The field rendered at each scale, against the full-size reference averaged down.
     AgainstFullSize,
-    /// Both sides, rendered alike at each scale.
+    /// Field and reference, both rendered at each scale.
     Difference,
 }
 
+/// The report of `compare`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct CompareReport {
+    /// Path of the reference.
     reference: String,
+    /// Path of the field.
     field: String,
+    /// What the errors at smaller scales compare.
     measures: Measures,
+    /// Rays along each side of a pixel of the reference; in a difference, of both sides.
     supersample: u8,
+    /// Number of compared frames.
     frames: usize,
+    /// Settings that the pictures were rendered with.
     settings: Settings,
+    /// Errors at each scale.
     scales: Vec<ScaleErrors>,
 }
 
@@ -260,7 +268,7 @@ impl Arguments {
         Some(folder.join(format!("{frame}.s{scale}.error.png")))
     }
 
-    /// Makes the folder for heat maps; existing files are refused before anything is rendered.
+    /// Makes the folder for heat maps. Before rendering, refuses to replace existing files.
     fn prepare(&self, cameras: &[Camera], scales: &[usize], made: &mut Provisional) -> Result<()> {
         let Some(folder) = &self.output else { return Ok(()) };
         if let Some(page) = self.page() {

@@ -1,4 +1,4 @@
-//! The report of a container, for programs and for people.
+//! The report of a container, as JSON and as text.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -14,33 +14,47 @@ use crate::container::Container;
 use crate::model::baked::{Group, LevelOfDetail, Metadata, ViewMetadata};
 use crate::model::grid::Bounds;
 
+/// The contents of a container.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ContainerReport {
+    /// Major and minor version of the format.
     pub(super) version: [u16; 2],
+    /// Size of the complete container in bytes.
     pub(super) file_bytes: u64,
+    /// Nodes of level 0 along x, y and z.
     pub(super) dimensions: [usize; 3],
+    /// Outermost box, in world units.
     pub(super) bounds: Bounds,
-    /// Fine to coarse.
+    /// Levels, fine to coarse.
     pub(super) levels: Vec<LevelReport>,
-    /// What levels from 1 on show around the next smaller box; empty where there is one box.
+    /// Shells of levels from 1 on, around the next smaller box; empty without nested boxes.
     pub(super) shells: Vec<LevelReport>,
-    /// Layer widths.
+    /// Layer widths of the view network, from input to output; null without one.
     pub(super) mlp: Option<Vec<usize>>,
-    /// Levels that a file which was cut does not hold; 0 is the finest.
+    /// Levels missing from a truncated file; 0 is the finest.
     pub(super) levels_missing: Vec<usize>,
+    /// Chunks, in the order of the file.
     pub(super) chunks: Vec<ChunkReport>,
+    /// Metadata of the container.
     pub(super) metadata: Metadata,
+    /// Provenance of the container, if stored.
     pub(super) provenance: Option<Value>,
 }
 
+/// A chunk of a container.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ChunkReport {
+    /// Type of the chunk: four ASCII letters.
     kind: String,
+    /// Level that the chunk belongs to, 0 being the finest; null if it belongs to none.
     level: Option<u32>,
+    /// Offset of the first byte in the container.
     offset: u64,
+    /// Length in bytes, without padding.
     bytes: u64,
+    /// True if a reader must understand the chunk.
     critical: bool,
 }
 
@@ -142,7 +156,7 @@ pub(super) fn color_text([red, green, blue]: [f32; 3]) -> String {
     }
 }
 
-/// Explains the columns of [`levels_text`].
+/// Explanation of the columns of [`levels_text`].
 const LEGEND: [&str; 3] = [
     "prefix: bytes from the start of the file that draw this level and all coarser ones",
     "density, diffuse, ...: bits per value, and the largest error of opacity over one step or of \
@@ -171,8 +185,7 @@ fn origin_text(provenance: &Value) -> Option<String> {
     Some(origin)
 }
 
-/// A table of levels and shells; with a column for each group that a level has, if `errors` are
-/// asked for.
+/// A table of levels and shells. With `errors`, each group of any level has a column.
 pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport], errors: bool) -> String {
     let rows = levels.iter().map(|level| (format!("{}", level.level), level));
     let shells = shells.iter().map(|shell| (format!("out {}", shell.level), shell));

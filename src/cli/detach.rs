@@ -37,18 +37,21 @@ pub struct Arguments {
     force: bool,
 }
 
-/// What `detach` did.
+/// The report of `detach`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct DetachReport {
+    /// Path of the input asset.
     asset: String,
+    /// Path of the written asset.
     output: String,
+    /// Size of the written asset in bytes.
     output_bytes: u64,
-    /// Of the output, in hexadecimal digits.
+    /// SHA-256 of the written asset in hexadecimal.
     sha256: String,
-    /// Numbers of the fields that were taken out.
+    /// Indices of the removed fields, from 0.
     fields: Vec<usize>,
-    /// Fields that are left.
+    /// Number of fields that remain.
     left: usize,
 }
 

@@ -5,32 +5,34 @@ use serde::Serialize;
 use super::call::Failure;
 use super::outcome::{Outcome, say, write_stdout};
 
-/// What is printed in place of a report.
+/// The report of a failed verb.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ErrorReport<'a> {
+    /// Details of the error.
     error: ErrorDetails<'a>,
 }
 
+/// An error and its remedy.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct ErrorDetails<'a> {
-    /// Its kind in snake case.
+    /// Kind of the error, in snake case.
     kind: &'a str,
-    /// The file, the place, what was found and what was expected.
+    /// Error message: file, place, found and expected values.
     message: &'a str,
-    /// What to do.
+    /// How to fix the error.
     help: &'a str,
-    /// The file, if the error is about one.
+    /// Path of the affected file; null if no file is affected.
     file: Option<&'a str>,
-    /// The place in the file, unless the error is about all of it.
+    /// Place in the file; null if the error concerns the whole file.
     place: Option<&'a str>,
-    /// The exit code of the program.
+    /// Exit code of the program.
     exit_code: u8,
 }
 
 impl<'a> ErrorReport<'a> {
-    /// Of a failure.
+    /// Makes the report of a failure.
     pub fn of(failure: &'a Failure) -> Self {
         let Failure { kind, message, remedy, place, file, exit_code, .. } = failure;
         Self {

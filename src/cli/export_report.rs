@@ -1,4 +1,4 @@
-//! The report of an export, for programs and for people.
+//! The report of an export, as JSON and as text.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -7,32 +7,45 @@ use super::layout::{columns, folded};
 use super::outcome::{counted, readable};
 use mipvog_outputs::export_files::FileReport;
 
+/// The report of `export`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ExportReport {
+    /// Path of the exported field.
     pub(super) input: String,
+    /// Path of the export.
     pub(super) output: String,
+    /// Format of the export, as in `--to`.
     pub(super) format: &'static str,
+    /// Exported level; 0 is the finest.
     pub(super) level: usize,
+    /// Total wall-clock time in seconds.
     pub(super) seconds: f64,
+    /// Total size of the written files in bytes.
     pub(super) output_bytes: u64,
-    /// Empty if the gate was missed.
+    /// Written files; empty if the quality gate failed.
     pub(super) files: Vec<FileReport>,
-    /// The mean over the cameras, in dB.
+    /// Mean PSNR over the cameras in dB, at most 200; null if not measured.
     pub(super) psnr: Option<f64>,
-    /// Over the pixels of all cameras, in dB; the gate's figure.
+    /// PSNR of the mean squared error over the pixels of all cameras in dB, at most 200; null if
+    /// not measured. The quality gate uses it.
     pub(super) pooled_psnr: Option<f64>,
+    /// Number of cameras.
     pub(super) cameras: usize,
-    /// Pixels along x and y of the first camera's picture.
+    /// Width and height of the first camera's picture, in pixels.
     pub(super) picture_size: [usize; 2],
+    /// Required pooled PSNR in dB; null if none is required.
     pub(super) required_psnr: Option<f64>,
+    /// True if the required PSNR is reached or none is required.
     pub(super) passed: bool,
+    /// Contents of the source that the format cannot represent.
     pub(super) lost: Vec<String>,
+    /// Figures that only this format has.
     pub(super) details: Map<String, Value>,
 }
 
 impl ExportReport {
-    /// For people.
+    /// The text of the report.
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
         let mut add = |line: &str| text += &(folded(line, columns(), 4) + "\n");

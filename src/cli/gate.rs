@@ -35,15 +35,15 @@ pub struct GateArguments {
     require_view_psnr: Option<f64>,
 }
 
-/// The figures of the cameras' pictures.
+/// The errors of the cameras' pictures, and the verdict of the quality gate.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GateReport {
-    /// Against the unbaked scene, one ray a pixel.
+    /// Errors against the unbaked scene at one ray per pixel, one entry per scale.
     pub errors: Vec<ScaleErrors>,
-    /// The least PSNR at full size, if one is required.
+    /// Required pooled PSNR at full size in dB; null if none is required.
     pub required_psnr: Option<f64>,
-    /// True if the required figure is reached, or none is required.
+    /// True if the required PSNR is reached or none is required.
     pub passed: bool,
 }
 

@@ -35,17 +35,23 @@ pub struct GltfArguments {
     fallback_lods: u8,
 }
 
-/// The written asset.
+/// The written glTF asset.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GltfReport {
+    /// Path of the asset.
     output: String,
+    /// Size of the asset in bytes.
     output_bytes: u64,
-    /// Of the asset, in hexadecimal digits.
+    /// SHA-256 of the asset in hexadecimal.
     sha256: String,
+    /// True if the container is embedded in the asset.
     embedded: bool,
+    /// Number of triangles of the fallback mesh.
     triangles: usize,
+    /// Number of vertices of the fallback mesh.
     vertices: usize,
+    /// Numbers of triangles of the coarser fallback meshes, fine to coarse.
     coarser_triangles: Vec<usize>,
 }
 

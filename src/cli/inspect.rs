@@ -47,29 +47,37 @@ pub struct Arguments {
     force: bool,
 }
 
+/// The report of a glTF asset.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct AssetReport {
+    /// `glb` or `gltf`.
     kind: &'static str,
+    /// Size of the asset's file in bytes.
     file_bytes: u64,
+    /// Radiance fields of the asset.
     fields: Vec<FieldReport>,
 }
 
-/// A radiance field of an asset.
+/// A radiance field of a glTF asset.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct FieldReport {
+    /// Index of the field in the asset, from 0.
     field: usize,
-    /// Nodes that show it.
+    /// Indices of the glTF nodes that show the field.
     nodes: Vec<usize>,
+    /// URI of the container, if the asset links to it.
     uri: Option<Value>,
+    /// Index of the buffer view with the container, if embedded.
     buffer_view: Option<Value>,
+    /// SHA-256 of the container in hexadecimal, as the asset states it.
     sha256: Value,
     #[serde(flatten)]
     container: ContainerReport,
 }
 
-/// Inspects the files. Several files share one report, which names failed ones.
+/// Inspects the files. The report of several files also lists those that failed.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let (limits, verbose) = (common.limits(), common.verbose);
     if let Some(output) = &arguments.thumbnail {

@@ -74,21 +74,27 @@ fn parse_level(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-/// What `probe` wrote.
+/// The report of `probe`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ProbeReport {
+    /// Path of the probed field.
     input: String,
+    /// Path of the file of rays.
     rays_file: String,
+    /// Path of the written file.
     output: String,
+    /// Size of the written file in bytes.
     output_bytes: u64,
-    /// Of the output, in hexadecimal digits.
+    /// SHA-256 of the written file in hexadecimal.
     sha256: String,
-    /// Wall-clock time of all.
+    /// Total wall-clock time in seconds.
     seconds: f64,
+    /// Number of rays.
     rays: usize,
+    /// Number of positions; 0 without `--positions`.
     positions: usize,
-    /// The level that samples read; 0 is the finest.
+    /// Level that samples read; 0 is the finest.
     level: usize,
 }
 

@@ -82,31 +82,47 @@ pub struct Arguments {
     scene: SceneArguments,
 }
 
+/// The report of `render`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct RenderReport {
+    /// Path of the rendered field.
     input: String,
+    /// Path of the folder, picture or film.
     output: String,
+    /// Total size of the written files in bytes.
     output_bytes: u64,
+    /// Total wall-clock time in seconds.
     seconds: f64,
+    /// Rays divided by the rendering time in seconds.
     rays_per_second: f64,
-    /// Samples read between the rays' entry and exit.
+    /// Mean number of samples per ray between its entry and exit, without skipped ones.
     samples_per_ray: f64,
+    /// Share of the samples between entry and exit that were skipped as empty space, 0 to 1.
     skipped_share: f64,
+    /// Settings that the pictures were rendered with.
     settings: Settings,
+    /// Rendered pictures, one entry per frame and scale.
     frames: Vec<FrameReport>,
 }
 
+/// One rendered picture.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct FrameReport {
+    /// Name of the camera.
     frame: String,
+    /// Factor by which the picture is smaller than full size along each side; 1 is full size.
     scale: usize,
+    /// Width in pixels.
     width: usize,
+    /// Height in pixels.
     height: usize,
+    /// Rendering time in seconds.
     seconds: f64,
+    /// Paths of the written files.
     files: Vec<String>,
-    /// SHA-256 of each of the files, in hexadecimal digits.
+    /// SHA-256 of each file in hexadecimal.
     sha256: Vec<String>,
 }
 
@@ -187,7 +203,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
 }
 
 impl Arguments {
-    /// Opens the field, with rules for the cameras that are wanted.
+    /// Opens the field, with near and far for the requested cameras.
     fn open(&self, common: &Common) -> Result<Renderer> {
         let cameras = self.cameras.file();
         let (which, filter) = (self.which, self.filter);

@@ -39,38 +39,57 @@ pub struct Arguments {
 /// Failures in the table for people.
 const SHOWN: usize = 20;
 
-/// A scene that failed.
+/// A scene that could not be baked.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct Failure {
+    /// Path of the input, as in the manifest.
     input: String,
+    /// Path of the output, as in the manifest.
     output: String,
+    /// Exit code of a bake of this scene alone.
     exit_code: u8,
+    /// Reason for the failure, and its remedy.
     error: String,
+    /// Advice on retrying.
     retry: &'static str,
 }
 
-/// Scenes that ended with one exit code.
+/// The scenes with one exit code.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 struct ExitCode {
+    /// The exit code.
     exit_code: u8,
+    /// Number of scenes.
     scenes: u64,
+    /// Advice on retrying.
     retry: &'static str,
 }
 
+/// The merged results of a batch.
 #[derive(Debug, Default, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct BatchReport {
+    /// Number of files of results.
     files: usize,
+    /// Number of scenes.
     scenes: u64,
+    /// Number of scenes that were baked.
     baked: u64,
+    /// Number of scenes whose container was up to date.
     current: u64,
+    /// Number of scenes that could not be baked.
     failed: u64,
+    /// Total size of the containers in bytes.
     output_bytes: u64,
+    /// Sum of the wall-clock times of all scenes, in seconds.
     seconds: f64,
+    /// Lowest PSNR of any scene in dB; null if none was measured.
     least_psnr: Option<f64>,
+    /// Numbers of scenes by exit code, lowest code first.
     exit_codes: Vec<ExitCode>,
+    /// Scenes that could not be baked.
     failures: Vec<Failure>,
 }
 

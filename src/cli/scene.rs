@@ -1,7 +1,7 @@
-//! FoundSettings of a scene, and the places that they come from.
+//! Settings of a scene and their sources.
 //!
-//! The command line counts most, then `scene.toml` or `scene.json` beside the input, then the
-//! camera file, then the checkpoint itself, then a default.
+//! In order of precedence: the command line, `scene.toml` or `scene.json` beside the input, the
+//! camera file, the checkpoint itself, the default.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -91,15 +91,15 @@ pub struct FoundSettings {
     origins: BTreeMap<&'static str, String>,
 }
 
-/// A setting in a report.
+/// A setting of the scene and its source.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SettingReport {
-    /// The option that sets it.
+    /// Name of the option that sets it.
     name: &'static str,
-    /// Its value; null is without bound.
+    /// Value of the setting; null means unbounded.
     value: Value,
-    /// The place that it came from.
+    /// Source of the value, such as the command line or a file.
     from: String,
 }
 

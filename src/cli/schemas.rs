@@ -23,20 +23,22 @@ use crate::check::Report;
 use crate::sweep::{SweepForecast, SweepReport};
 use mipvog_inputs::Inspection;
 
-/// A report of several files.
+/// The report of several files.
 #[derive(JsonSchema, Serialize)]
 struct Several<T> {
+    /// Reports of the files, in the order of the arguments.
     files: Vec<OfFile<T>>,
-    /// Files whose report is an error, or that are not valid.
+    /// Number of files that are invalid or whose report is an error.
     failed: usize,
-    /// Of `validate`, true if all files are valid.
+    /// `validate` only: true if all files are valid.
     #[serde(skip_serializing_if = "Option::is_none")]
     valid: Option<bool>,
 }
 
-/// The report or the error of a file.
+/// The report or the error of one file.
 #[derive(JsonSchema, Serialize)]
 struct OfFile<T> {
+    /// Path of the file.
     file: String,
     #[serde(flatten)]
     report: ReportOrError<T>,
@@ -50,13 +52,14 @@ enum ReportOrError<T> {
     Error(FileError),
 }
 
-/// A file that no report could be made of.
+/// The error of a file that has no report.
 #[derive(JsonSchema, Serialize)]
 struct FileError {
+    /// Error message.
     error: String,
 }
 
-/// What `inspect` reports of a file.
+/// The report of `inspect` for one file.
 #[derive(JsonSchema, Serialize)]
 #[serde(untagged)]
 #[expect(dead_code, clippy::large_enum_variant, reason = "only its schema counts")]
@@ -66,7 +69,7 @@ enum Inspected {
     Input(Inspection),
 }
 
-/// A report of one file or of several.
+/// The report of one or several files.
 #[derive(JsonSchema, Serialize)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "only its schema counts")]
@@ -75,7 +78,7 @@ enum Files<T> {
     Several(Several<T>),
 }
 
-/// The schema of each report by the verb's name, as `formats/NAME.schema.json` has it.
+/// The schemas of all reports by verb, as stored in `formats/VERB.schema.json`.
 pub fn schemas() -> Vec<(&'static str, Value)> {
     vec![
         ("attach", of_report::<AttachReport>("attach")),
@@ -103,7 +106,7 @@ fn schema<T: JsonSchema>() -> Schema {
     SchemaGenerator::new(settings).into_root_schema_for::<T>()
 }
 
-/// A schema under the name of its verb.
+/// Adds the name of the verb to a schema.
 fn titled(schema: Schema, verb: &str) -> Value {
     let mut value = schema.to_value();
     value["$id"] = format!("mipvog-{verb}/1").into();
@@ -111,7 +114,7 @@ fn titled(schema: Schema, verb: &str) -> Value {
     value
 }
 
-/// Of a report, which states its schema first and its warnings last.
+/// The schema of a report, which starts with its schema's name and ends with its warnings.
 fn of_report<T: JsonSchema>(verb: &str) -> Value {
     let mut value = titled(schema::<T>(), verb);
     state(&mut value, verb);
@@ -119,7 +122,7 @@ fn of_report<T: JsonSchema>(verb: &str) -> Value {
     closed(value)
 }
 
-/// Of an error, which any verb prints in place of its report.
+/// The schema of an error, which any verb can print instead of its report.
 fn of_error() -> Value {
     let mut value = titled(schema::<ErrorReport>(), "error");
     value["title"] = "What a verb that failed prints with `--format json`".into();
@@ -127,7 +130,7 @@ fn of_error() -> Value {
     closed(value)
 }
 
-/// Of a verb that takes one file or several. A report of several names the file of each.
+/// The schema of a verb that takes one or several files. For several, each report names its file.
 fn of_files<T: JsonSchema>(verb: &str) -> Value {
     let mut value = titled(schema::<Files<T>>(), verb);
     value["type"] = "object".into();
@@ -166,7 +169,7 @@ fn alternatives(value: &Value, names: &mut Vec<String>) {
     }
 }
 
-/// Adds the name of the schema to a report's keys.
+/// Adds the key for the schema's name to a report.
 fn state(value: &mut Value, verb: &str) {
     if !value["properties"].is_object() {
         value["properties"] = json!({});
@@ -180,14 +183,14 @@ fn state(value: &mut Value, verb: &str) {
     }
 }
 
-/// Adds the warnings to a report's keys. A report that is a file has none.
+/// Adds the key for warnings to a report. Reports that are files have none.
 fn warn(value: &mut Value) {
     let description = "The warnings of the run.";
     value["properties"]["warnings"] =
         json!({ "type": "array", "items": { "type": "string" }, "description": description });
 }
 
-/// No object has other keys than its schema names.
+/// Forbids keys that the schema does not name.
 fn closed(mut value: Value) -> Value {
     close(&mut value);
     value
@@ -213,7 +216,7 @@ fn close(value: &mut Value) {
     }
 }
 
-/// A schema's text, keys in the order of the types.
+/// The text of a schema, with keys in the order of the types.
 pub fn text(schema: &Value) -> String {
     let text = serde_json::to_string_pretty(schema).unwrap_or_default();
     text + "\n"

@@ -7,35 +7,36 @@ use super::layout::{TIE, columns, folded};
 use crate::model::field::March;
 use crate::view::render::View;
 
-/// Settings of a scene.
+/// Settings that pictures are rendered with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Settings {
-    /// Step length in voxels.
+    /// Step length in voxels, above 0.
     pub stepsize: f32,
-    /// Start of rays.
+    /// Distance along the camera's axis at which rays start, in world units.
     pub near: f32,
-    /// Farthest entry of rays into the box; null is without bound.
+    /// Largest distance along the camera's axis at which sampling may start, in world units; null
+    /// means unbounded.
     pub far: Option<f32>,
-    /// Colour behind the field, 0 to 1.
+    /// Background colour, red, green, blue, each 0 to 1.
     pub background: [f32; 3],
-    /// Weight up to which a sample adds no colour.
+    /// Samples of at most this weight add no colour; 0 to 1.
     pub color_threshold: f32,
 }
 
 impl Settings {
-    /// Of the rules of rendering.
+    /// The settings of a view.
     pub fn of(view: &View) -> Self {
         Self::of_march(&view.march, view.background)
     }
 
-    /// Of a container's metadata.
+    /// The settings of a container's metadata.
     pub fn of_march(march: &March, background: [f32; 3]) -> Self {
         let &March { stepsize, near, far, color_threshold, .. } = march;
         Self { stepsize, near, far, background, color_threshold }
     }
 
-    /// Each setting by its option, as the option takes it.
+    /// The settings by option, in the syntax of the command line.
     pub fn values(&self) -> [(&'static str, String); 5] {
         let background = color_text(self.background);
         [
@@ -47,7 +48,7 @@ impl Settings {
         ]
     }
 
-    /// A line for people.
+    /// The settings as a line of text.
     pub fn text(&self) -> String {
         let pairs = self
             .values()

@@ -51,18 +51,21 @@ enum Slices {
     Png,
 }
 
-/// What `unpack` wrote.
+/// The report of `unpack`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct UnpackReport {
+    /// Path of the container or asset.
     input: String,
+    /// Path of the written file or folder.
     output: String,
-    /// Left out for a folder of slices.
+    /// Size of the written file in bytes; absent for a folder of slices.
     #[serde(skip_serializing_if = "Option::is_none")]
     output_bytes: Option<u64>,
-    /// Of the file, in hexadecimal digits; left out for a folder of slices.
+    /// SHA-256 of the written file in hexadecimal; absent for a folder of slices.
     #[serde(skip_serializing_if = "Option::is_none")]
     sha256: Option<String>,
+    /// Number of unpacked levels.
     levels: usize,
 }
 

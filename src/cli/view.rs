@@ -43,17 +43,23 @@ pub struct Arguments {
     no_open: bool,
 }
 
+/// The report of `view`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub(super) struct ServedReport {
+    /// Path of the served file.
     input: String,
+    /// Kind of the served file.
     kind: Kind,
+    /// Size of the served file in bytes.
     input_bytes: u64,
+    /// Address of the page.
     url: String,
+    /// Port that the server listens on, 1 to 65535.
     port: u16,
 }
 
-/// Prints the address, opens it and serves until the program is ended.
+/// Prints the address, opens it in the browser and serves until the program ends.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let path = stdin::resolve(&arguments.file)?;
     let file = SourceFile::open(&path)?;
@@ -96,7 +102,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     Ok(())
 }
 
-/// Names the missing levels of a truncated container. Other faults are the viewer's to tell.
+/// Warns of the missing levels of a truncated container. The viewer reports other faults.
 fn warn_of_levels(path: &Path, common: &Common) {
     let file = SourceFile::open(path).map(Arc::new);
     match file.and_then(|file| Container::read_prefix(file, &common.limits())) {
@@ -108,8 +114,8 @@ fn warn_of_levels(path: &Path, common: &Common) {
     }
 }
 
-/// Names the files that the asset refers to and that the viewer will not get. Faults of the asset
-/// are the viewer's to tell.
+/// Warns of files that the asset refers to and that are not served. The viewer reports faults of
+/// the asset.
 fn warn_of_companions(file: &Path, common: &Common) {
     let asset = SourceFile::open(file).map(Arc::new);
     let asset = asset.and_then(|file| Asset::open(file, &common.limits()));

@@ -12,38 +12,39 @@ use mipvog_inputs::Source;
 /// The PSNR of equal colours.
 const EQUAL_PSNR: f64 = 200.0;
 
-/// View-dependent colour.
+/// View-dependent colour of a field.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ViewReport {
     /// `network`, `spherical_harmonics` or `none`.
     kind: &'static str,
-    /// The highest band of harmonics.
+    /// Degree of the harmonics, 0 to 3; null without harmonics.
     degree: Option<usize>,
-    /// True if coefficients were fitted to a network's colours.
+    /// True if the harmonics were fitted to the colours of a network.
     fitted: bool,
-    /// PSNR of fitted colours along held-out directions.
+    /// PSNR of the fitted colours along held-out directions in dB, at most 200; null if not
+    /// measured.
     held_out_psnr: Option<f64>,
-    /// Share of visible weight whose colours are clamped; null where it was not measured.
+    /// Share of the visible weight whose colours are clamped, 0 to 1; null if not measured.
     clamped_share: Option<f64>,
-    /// The least PSNR of fitted colours, if one is required.
+    /// Required PSNR of the fitted colours in dB; null if none is required.
     required_psnr: Option<f64>,
-    /// True if whoever made the fit knows the figure; the input itself has only its result.
+    /// True if the maker of the fit stated its PSNR, which the input does not record.
     #[serde(skip)]
     is_stated: bool,
 }
 
-/// A fit of colours that was made before the bake, by a program that holds this library.
+/// A fit of colours that a program embedding this library made before the bake.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColorFit {
-    /// The degree of its harmonics.
+    /// Degree of the harmonics.
     pub degree: usize,
-    /// PSNR along directions that the fit has not seen.
+    /// PSNR along held-out directions in dB.
     pub held_out_psnr: f64,
 }
 
 impl ViewReport {
-    /// Of a container.
+    /// View-dependent colour of a container.
     pub fn of(view: Option<&ViewMetadata>) -> Self {
         let (kind, degree) = match view {
             Some(ViewMetadata::Harmonics(harmonics)) => {
@@ -63,8 +64,9 @@ impl ViewReport {
         }
     }
 
-    /// Of a trained input. Where its colours are fitted, it says so as an assumption, or `fit` is
-    /// known. The figure of a fit is that of its degree: fewer bands of it are another fit.
+    /// View-dependent colour of a trained input. Fitted colours show as an assumption of the input,
+    /// or as `fit`. The PSNR of `fit` is valid for its own degree only: with fewer bands, it is
+    /// another fit.
     pub fn of_source(source: &Source, fit: Option<ColorFit>) -> Self {
         let own = Self::of(source.field.view.as_ref().map(ViewMetadata::of).as_ref());
         if let Some(fit) = fit.filter(|_| own.degree.is_some()) {
@@ -75,10 +77,10 @@ impl ViewReport {
         Self { fitted: is_fitted && own.degree.is_some(), ..own }
     }
 
-    /// Holds the view to the least figure that is required of its fit.
+    /// Requires a PSNR of the fit.
     ///
     /// # Errors
-    /// `Usage` where there will be no figure to judge.
+    /// `Usage` if the PSNR of this view is never measured.
     pub fn require(&mut self, least: Option<f64>) -> Result<()> {
         self.required_psnr = least;
         let reason = match (least, self.fitted) {
@@ -106,8 +108,8 @@ impl ViewReport {
         self.degree.is_some()
     }
 
-    /// With the figures of a comparison along directions. Colours that were not fitted are the
-    /// model's own.
+    /// Adds the errors of a comparison along directions. Colours that were not fitted have no PSNR:
+    /// they are the model's own.
     pub fn measured(&mut self, errors: DirectionErrors) {
         self.clamped_share = errors.clamped_share;
         if self.fitted && !self.is_stated {
@@ -116,13 +118,13 @@ impl ViewReport {
         }
     }
 
-    /// True if no figure is required, or it is reached.
+    /// True if the required PSNR is reached or none is required.
     pub fn passes(&self) -> bool {
         let least = self.required_psnr;
         least.is_none_or(|least| self.held_out_psnr.is_some_and(|found| found >= least))
     }
 
-    /// The reason why the container at `output` was not written, if the figure is missed.
+    /// The reason for not writing the container at `output`, if the PSNR is too low.
     pub fn failure(&self, output: &Path) -> Option<String> {
         let least = self.required_psnr.filter(|_| !self.passes())?;
         let output = output.display();
@@ -133,7 +135,7 @@ impl ViewReport {
         Some(format!("{output}: not written: {found}, {least} dB required"))
     }
 
-    /// For people; empty where nothing was measured.
+    /// The lines of the text report; empty if nothing was measured.
     pub fn lines(&self) -> Vec<String> {
         let Some(degree) = self.degree else { return Vec::new() };
         let fitted = self.held_out_psnr.map(|psnr| {

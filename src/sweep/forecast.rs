@@ -15,40 +15,40 @@ use crate::base::progress::{Progress, Step};
 use crate::model::camera::Camera;
 use mipvog_inputs::Source;
 
-/// One setting of a forecast.
+/// The forecast of one setting.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SettingForecast {
-    /// Its name.
+    /// Name of the setting.
     pub name: String,
-    /// The preset that says the same, if one was asked for.
+    /// Equivalent preset, if the sweep was asked for one.
     pub preset: Option<&'static str>,
-    /// True if a former sweep left the result, which is told then.
+    /// True if an earlier sweep has the result. Size and time are then measured, not forecast.
     pub resumed: bool,
-    /// Bytes of the container; null where it fails.
+    /// Size of the container in bytes; null if the bake fails.
     pub output_bytes: Option<u64>,
-    /// Wall-clock time of one bake; null where it fails or fits levels.
+    /// Wall-clock time of one bake in seconds; null if the bake fails or fits levels.
     pub seconds: Option<f64>,
-    /// The failure of a setting that cannot be baked.
+    /// Error message, if the setting cannot be baked.
     pub failure: Option<String>,
 }
 
-/// A sweep that was not done.
+/// The forecast of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepForecast {
-    /// The input's file name.
+    /// File name of the input.
     pub input: String,
-    /// Bakes of a setting.
+    /// Number of bakes per setting.
     pub repeat: usize,
-    /// Threads that would bake.
+    /// Number of threads that would bake.
     pub threads: usize,
-    /// Bytes of all containers.
+    /// Total size of all containers in bytes.
     pub output_bytes: u64,
-    /// Wall-clock time of all bakes that are missing, pictures left out; null where one is not
-    /// known.
+    /// Total wall-clock time of the remaining bakes in seconds, without rendering; null if one of
+    /// them has no forecast.
     pub seconds: Option<f64>,
-    /// In the order in which they were asked for.
+    /// The settings, in the order of the request.
     pub settings: Vec<SettingForecast>,
 }
 

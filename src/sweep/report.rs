@@ -1,4 +1,4 @@
-//! The report of a sweep: programs read it as JSON, [`super::csv`] and [`super::page`] show it.
+//! The report of a sweep. Programs read the JSON; [`super::csv`] and [`super::page`] print it.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,37 +8,38 @@ use super::thumbnail::Thumbnail;
 use crate::bake::Preset;
 use crate::view::compare::ScaleErrors;
 
-/// The figures of a setting and a small picture, or the reason why there are none.
+/// The figures and the thumbnail of a setting, or the reason for its failure.
 pub(super) type Outcome = std::result::Result<(Measured, Option<Thumbnail>), String>;
 
 /// Schema of the report.
 pub const SCHEMA: &str = "mipvog-sweep/1";
 
-/// The result of a setting.
+/// The result of baking with one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
-    /// Bytes of the container.
+    /// Size of the container in bytes.
     pub output_bytes: u64,
-    /// Wall-clock time of one bake, the median. Opening the input is not counted, nor is waiting
-    /// for the disk at the end.
+    /// Median wall-clock time of one bake in seconds. It excludes opening the input and the final
+    /// flush to disk.
     pub seconds: f64,
-    /// Levels of the container.
+    /// Number of levels of the container.
     pub levels: usize,
-    /// Distance from the unbaked input, one for each scale.
+    /// Errors against the unbaked input, one entry per scale.
     pub errors: Vec<ScaleErrors>,
 }
 
-/// Flags of a result: for each front at one scale, true if the result is on it.
+/// The Pareto fronts that contain this result at one scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Fronts {
-    /// Pixels of the full picture along one of this.
+    /// Factor by which the full-size picture is reduced along each side; 1 is full size.
     pub scale: usize,
-    /// No other is at most as large, at least as good, and better in one.
+    /// True if the result is on the front of container size and PSNR: no other result is at least
+    /// as good in both and better in one.
     pub bytes: bool,
-    /// The same with time in the place of size.
+    /// True if the result is on the front of bake time and PSNR.
     pub seconds: bool,
 }
 
@@ -54,60 +55,62 @@ impl Fronts {
     }
 }
 
-/// One setting of the report.
+/// One setting of the report. If its bake failed, `output_bytes`, `sha256`, `seconds` and `levels`
+/// are null.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SettingReport {
-    /// Its name.
+    /// Name of the setting.
     pub name: String,
-    /// The preset that says the same, if one was asked for.
+    /// Equivalent preset, if the sweep was asked for one.
     pub preset: Option<&'static str>,
-    /// Its container's name in the folder.
+    /// File name of the container in the sweep's folder.
     pub file: String,
-    /// Options of its bake.
+    /// Options of the bake.
     pub options: serde_json::Value,
-    /// The command that bakes it alone, where the sweep came from the command line.
+    /// Command that bakes with this setting alone; null if the sweep was not started from the
+    /// command line.
     pub command: Option<String>,
-    /// True if the result comes from a former sweep.
+    /// True if the result comes from an earlier sweep.
     pub resumed: bool,
-    /// Bytes of the container; null where it failed, as all that follows.
+    /// Size of the container in bytes.
     pub output_bytes: Option<u64>,
-    /// SHA-256 of the container, in hexadecimal digits.
+    /// SHA-256 of the container in hexadecimal.
     pub sha256: Option<String>,
-    /// Wall-clock time of one bake, the median.
+    /// Median wall-clock time of one bake in seconds.
     pub seconds: Option<f64>,
-    /// Levels of the container.
+    /// Number of levels of the container.
     pub levels: Option<usize>,
-    /// Distance from the unbaked input, one for each scale; empty where it failed.
+    /// Errors against the unbaked input, one entry per scale; empty after a failure.
     pub errors: Vec<ScaleErrors>,
-    /// One for each scale; empty where it failed.
+    /// Pareto fronts that contain the result, one entry per scale; empty after a failure.
     pub fronts: Vec<Fronts>,
-    /// The failure of a setting without a result.
+    /// Error message, if the bake failed.
     pub failure: Option<String>,
-    /// A small picture, for the page alone.
+    /// Small picture for the HTML page; not in the JSON.
     #[serde(skip)]
     pub thumbnail: Option<Thumbnail>,
 }
 
-/// All of a sweep.
+/// The report of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SweepReport {
-    /// [`SCHEMA`].
+    /// Name of the report's schema: [`SCHEMA`].
     pub schema: &'static str,
-    /// The input's file name.
+    /// File name of the input.
     pub input: String,
-    /// Frames that were compared.
+    /// Names of the compared frames.
     pub frames: Vec<String>,
-    /// Pixels along a row and rows of the first frame at full size.
+    /// Width and height of the first frame at full size, in pixels.
     pub size: [usize; 2],
-    /// Scales that were compared at.
+    /// Scales of the comparison; 1 is full size, 2 has half the pixels along each side.
     pub scales: Vec<usize>,
-    /// Bakes of a setting.
+    /// Number of bakes per setting.
     pub repeat: usize,
-    /// Threads that baked.
+    /// Number of threads that baked.
     pub threads: usize,
-    /// In the order in which they were asked for.
+    /// The settings, in the order of the request.
     pub settings: Vec<SettingReport>,
 }
 
@@ -117,7 +120,7 @@ impl SweepReport {
         self.settings.get(self.recommended_row()?)
     }
 
-    /// Its place among the settings.
+    /// Index of the recommended setting.
     pub(super) fn recommended_row(&self) -> Option<usize> {
         let finest = self.scales.iter().enumerate().min_by_key(|(_, scale)| **scale)?.0;
         let points = self.settings.iter().enumerate().filter_map(|(row, setting)| {
@@ -131,7 +134,7 @@ impl SweepReport {
 }
 
 impl SettingReport {
-    /// Of a result or a failure; its flags for the fronts are not known yet.
+    /// Reports a result or a failure. [`mark_fronts`] adds the fronts.
     pub(super) fn new(setting: &Setting, resumed: bool, result: Outcome) -> Self {
         let (result, thumbnail, failure) = match result {
             Ok((result, thumbnail)) => (Some(result), thumbnail, None),
@@ -156,7 +159,7 @@ impl SettingReport {
     }
 }
 
-/// Marks the results on the fronts, among those that did not fail.
+/// Marks the successful results that are on a front.
 pub(super) fn mark_fronts(settings: &mut [SettingReport], scales: &[usize]) {
     for (number, &scale) in scales.iter().enumerate() {
         let points = |cost: fn(&SettingReport) -> Option<f64>| -> Vec<Point> {

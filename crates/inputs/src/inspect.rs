@@ -22,53 +22,53 @@ const SHOWN: u64 = 16;
 /// The most bytes that are read to show values of one tensor.
 const SHOWN_BYTES: u64 = 4 << 20;
 
-/// An input's contents and their meaning.
+/// The contents of an input and their meaning.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Inspection {
     /// Format of the file.
     pub kind: FileKind,
-    /// Bytes of the file.
+    /// Size of the file in bytes.
     pub file_bytes: u64,
-    /// SHA-256 that stands for its content, in hexadecimal.
+    /// Fingerprint of the content, a SHA-256 in hexadecimal.
     pub digest: String,
-    /// Bytes of the weights' tensors.
+    /// Bytes of the model's tensors.
     pub model_bytes: u64,
     /// Bytes of the optimizer's tensors, which a bake never reads.
     pub optimizer_bytes: u64,
     /// Bytes of all other tensors.
     pub other_bytes: u64,
-    /// The family of models that it belongs to, if known.
+    /// Model family; null if unknown.
     pub model: Option<Family>,
-    /// The scene as a bake without options would read it; none if it cannot be baked.
+    /// Scene, as a bake without options reads it; null if it cannot be baked.
     pub scene: Option<SceneContent>,
-    /// The reason why it could not be baked.
+    /// Reason that the input cannot be baked; null if it can.
     pub problem: Option<String>,
-    /// Assumptions of a bake.
+    /// Settings that a bake would assume.
     pub assumptions: Vec<Assumption>,
-    /// Every value, by the keys that lead to it.
+    /// All values, by key.
     pub values: Vec<ListedValue>,
 }
 
-/// A scene as a bake would take it.
+/// A scene, as a bake reads it.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SceneContent {
-    /// Nodes along x, y, z.
+    /// Nodes along x, y and z.
     pub dimensions: [usize; 3],
-    /// The box that they span.
+    /// Box of the grid, in world units.
     pub bounds: Bounds,
-    /// Channels of the colour grid that are used.
+    /// Number of colour channels in use.
     pub channels: usize,
-    /// Raw density to opacity.
+    /// Rule from raw density to opacity.
     pub activation: Activation,
-    /// Steps along a ray.
+    /// Rule for the steps along a ray.
     pub march: March,
-    /// The network's widths from input to output; none for a diffuse scene.
+    /// Layer widths of the view network, from input to output; null without one.
     pub mlp: Option<Vec<usize>>,
-    /// The rules of its harmonics; none where colours have none.
+    /// Rules of the spherical harmonics; null without harmonics.
     pub harmonics: Option<Harmonics>,
-    /// Nodes of the free-space mask.
+    /// Nodes of the free-space mask along x, y and z; null without one.
     pub free_space: Option<[usize; 3]>,
 }
 
@@ -76,23 +76,24 @@ pub struct SceneContent {
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ListedValue {
-    /// The keys that lead to it, with dots between.
+    /// Path of keys to the value, joined by dots.
     pub key: String,
-    /// `none`, `bool`, `int`, `float`, `text`, `tensor`, or `list` and `dict` where empty.
+    /// `none`, `bool`, `int`, `float`, `text` or `tensor`; `list` or `dict` if empty.
     pub kind: &'static str,
-    /// The value, if it is small; numbers that JSON does not have are texts.
+    /// The value, if small. Numbers that JSON cannot represent are strings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<serde_json::Value>,
-    /// A tensor's element type.
+    /// Element type of a tensor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dtype: Option<&'static str>,
-    /// A tensor's sizes.
+    /// Shape of a tensor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<Vec<u64>>,
-    /// A tensor's bytes.
+    /// Size of a tensor in bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
-    /// Offset of a tensor's first byte in the file, unless it is compressed or in the pickle.
+    /// Byte offset of a tensor in the file; absent for tensors that are compressed or in the
+    /// pickle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offset: Option<u64>,
 }

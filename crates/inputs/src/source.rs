@@ -50,14 +50,14 @@ pub struct SideFile {
     pub digest: [u8; 32],
 }
 
-/// The code that wrote a checkpoint.
+/// The program or model family that a checkpoint comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Family {
     /// Mip-VoG's research code.
     MipVog,
-    /// DirectVoxGO, either generation of names.
+    /// DirectVoxGO, with names of either generation.
     Dvgo,
     /// Plenoxels (svox2).
     Plenoxels,
@@ -70,13 +70,13 @@ pub enum Family {
     Tensorf,
     /// SNeRG's folders of assets.
     Snerg,
-    /// The core of MERF's folders of assets.
+    /// MERF's folders of assets: the core of the scene only.
     Merf,
     /// Instant-NGP's snapshots.
     InstantNgp,
     /// torch-ngp.
     TorchNgp,
-    /// SVRaster, and programs that share its files.
+    /// SVRaster, and programs with the same file format.
     #[serde(rename = "svraster")]
     SvRaster,
     /// nerfstudio's nerfacto.
@@ -126,14 +126,14 @@ impl Family {
     }
 }
 
-/// A setting that the input lacks.
+/// An assumed value for a setting that the input lacks.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Assumption {
-    /// The missing setting, in a word.
+    /// Name of the missing setting.
     pub key: &'static str,
-    /// The assumed value.
+    /// Assumed value.
     pub value: String,
-    /// The warning: the missing setting, the assumed value, and the option that sets it.
+    /// Warning: the missing setting, the assumed value, and the option that sets it.
     pub message: String,
 }

@@ -18,11 +18,11 @@ pub struct ExportFiles {
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FileReport {
-    /// Its path.
+    /// Path of the file.
     pub path: String,
-    /// Its length.
+    /// Size of the file in bytes.
     pub bytes: u64,
-    /// SHA-256 of its bytes, in hexadecimal digits.
+    /// SHA-256 of the file in hexadecimal.
     pub sha256: String,
 }
 

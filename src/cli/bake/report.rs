@@ -22,80 +22,81 @@ use crate::base::error::Result;
 
 /// The results of a bake.
 pub struct Baked {
-    /// The container, and the work.
+    /// The container and the work.
     pub report: BakeReport,
-    /// Every option.
+    /// All options, as resolved.
     pub resolved: Value,
-    /// Settings of the scene and the places that they came from; none of a container.
+    /// Settings of the scene, and the source of each; empty for a container.
     pub settings: Vec<SettingReport>,
     /// View-dependent colour.
     pub view: ViewReport,
-    /// The figures of pictures, where there is a gate.
+    /// Errors from the cameras of the quality gate, if there are any.
     pub gate: Option<GateReport>,
-    /// Bytes of memory that measuring the loss would have taken, where that was too much.
+    /// Bytes of memory that measuring the loss would have taken, if that exceeds the limit.
     pub unmeasured: Option<u64>,
     /// The files that the container depends on.
     pub inputs: Vec<PathBuf>,
-    /// Bytes of the files that belong to the input, but for itself.
+    /// Bytes of the side files of the input.
     pub side_bytes: u64,
 }
 
-/// The files of a bake, and its cost.
+/// The files of a bake and its cost.
 pub struct Work<'a> {
-    /// The file that was read.
+    /// Path of the input.
     pub input: &'a Path,
-    /// The container.
+    /// Path of the container.
     pub output: &'a Path,
-    /// Bytes of the file that was read.
+    /// Size of the input in bytes.
     pub input_bytes: u64,
-    /// Wall-clock time of all.
+    /// Total wall-clock time in seconds.
     pub seconds: f64,
-    /// Bytes that were read of the input.
+    /// Bytes read from the input.
     pub bytes_read: u64,
-    /// SHA-256 of the container, unless it was not written.
+    /// SHA-256 of the container, if written.
     pub sha256: Option<String>,
 }
 
-/// What `bake` and `transcode` print as JSON.
+/// The JSON report of `bake` and `transcode`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BakeJson {
-    /// The file that was read.
+    /// Path of the input.
     pub input: String,
-    /// The container.
+    /// Path of the container.
     pub output: String,
-    /// True where this is a forecast: seconds, bytes of memory, of the output and of levels, and
-    /// stages are estimates, and nothing was written. Left out of a bake.
+    /// True in a forecast: nothing was written, and times, sizes, memory and stages are estimates.
+    /// Absent from the report of a bake.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dry_run: Option<bool>,
-    /// Bytes of the input. Left out of a forecast.
+    /// Size of the input in bytes. Absent from a forecast.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub input_bytes: Option<u64>,
-    /// SHA-256 of the container, in hexadecimal digits; null where none was written.
+    /// SHA-256 of the container in hexadecimal; null if none was written.
     pub sha256: Option<String>,
-    /// Wall-clock time of all; null in the forecast of a fit.
+    /// Total wall-clock time in seconds; null in the forecast of a fit.
     pub seconds: Option<f64>,
-    /// As the operating system counts it, where it does.
+    /// Peak memory of the process in bytes, as the operating system measures it; null if it does
+    /// not.
     pub peak_memory_bytes: Option<u64>,
-    /// Of a forecast, the least `--memory` that the bake accepts and keeps to; null where it takes
-    /// no bound. Left out of a bake.
+    /// Forecast only: the smallest `--memory` that the bake accepts, in bytes; null if the bake
+    /// cannot bound its memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub least_memory_bytes: Option<Option<u64>>,
-    /// Bytes that were read of the input.
+    /// Bytes read from the input. Data that is read twice counts twice.
     pub bytes_read: u64,
-    /// Every option, as it was resolved.
+    /// All options, as resolved.
     pub options: Value,
-    /// Settings of the scene, and where each came from.
+    /// Settings of the scene, and the source of each.
     pub settings: Vec<SettingReport>,
-    /// View-dependent colour.
+    /// View-dependent colour of the container.
     pub view: ViewReport,
-    /// The container, and the work.
+    /// The container and the work.
     #[serde(flatten)]
     pub report: BakeReport,
-    /// Of the forecast of a fit, its maximum number of steps.
+    /// Forecast of a fit only: the maximum number of steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fit_steps: Option<usize>,
-    /// The figures of pictures, where there is a gate.
+    /// Errors from the cameras of the quality gate, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<GateReport>,
     /// The asset of `--gltf`.
@@ -104,7 +105,7 @@ pub struct BakeJson {
 }
 
 impl Baked {
-    /// True if no gate is missed.
+    /// True if all gates pass.
     pub fn passes(&self) -> bool {
         self.gate.as_ref().is_none_or(|gate| gate.passed) && self.view.passes()
     }
@@ -159,7 +160,7 @@ impl Baked {
         Ok(Outcome { failure, ..Outcome::new(verb, &json, text)? })
     }
 
-    /// The sizes, what is in the container, and where the settings came from.
+    /// The sizes, the contents of the container, and the sources of the settings.
     fn lines(&self, work: &Work, is_refused: bool) -> Vec<String> {
         let report = &self.report;
         let (output, bytes) = (work.output.display(), readable(report.output_bytes));
@@ -243,11 +244,11 @@ fn folded_lines(lines: &[String]) -> String {
     lines.iter().map(|line| folded(line, columns(), 4) + "\n").collect()
 }
 
-/// The part of a file within which the viewer looks for its first picture.
+/// The viewer's first picture comes from at most one in this many bytes of the file.
 const FIRST_PICTURE: u64 = 25;
 
-/// Bytes until the viewer draws something: the finest level within 4 % of the file, or the
-/// coarsest. `None` if that is the whole file.
+/// Bytes that the viewer reads before its first picture: the prefix of the finest level within 4 %
+/// of the file, else of the coarsest level. `None` if that is the whole file.
 fn first_picture(levels: &[LevelReport], bytes: u64) -> Option<u64> {
     let mut prefixes = levels.iter().filter_map(|level| level.prefix_bytes);
     let coarsest = levels.last().and_then(|level| level.prefix_bytes);
@@ -263,7 +264,7 @@ pub fn short_name(input: &Path) -> String {
     }
 }
 
-/// How much smaller an output is than its input, or larger.
+/// The size of an output relative to its input, in words.
 fn compared(output: u64, input: u64) -> String {
     let (output, input) = (output.max(1) as f64, input.max(1) as f64);
     let (factor, word) = match output <= input {

@@ -9,18 +9,18 @@ use super::super::outcome::Outcome;
 use super::line::SceneLine;
 use crate::base::error::{Error, Result};
 
-/// The end of a scene.
+/// The status of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// It was baked.
+    /// The scene was baked.
     Baked,
-    /// It was there, and nothing has changed.
+    /// The container is up to date; nothing was baked.
     Current,
-    /// It was not baked.
+    /// The scene could not be baked.
     Failed,
-    /// Its cost was forecast.
+    /// The cost of the bake was forecast.
     Forecast,
 }
 
@@ -28,36 +28,36 @@ pub enum Status {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct SceneResult {
-    /// The input, as the manifest names it.
+    /// Path of the input, as in the manifest.
     pub input: String,
-    /// The output, as the manifest names it.
+    /// Path of the output, as in the manifest.
     pub output: String,
-    /// The way it ended.
+    /// Status of the scene.
     pub status: Status,
-    /// The exit code that a bake of this scene alone has.
+    /// Exit code of a bake of this scene alone.
     pub exit_code: u8,
-    /// Wall-clock time that it took; of a forecast the time that it will take, if that is known.
+    /// Wall-clock time in seconds. In a forecast, the expected time, or null if unknown.
     pub seconds: Option<f64>,
-    /// Bytes of the container; null where it failed.
+    /// Size of the container in bytes; null after a failure.
     pub output_bytes: Option<u64>,
-    /// PSNR in dB at full size, where there are cameras.
+    /// PSNR at full size in dB; null without cameras.
     #[serde(default)]
     pub psnr: Option<f64>,
-    /// The memory that a bake will take, in a forecast.
+    /// Expected peak memory in bytes; only in a forecast.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_memory_bytes: Option<u64>,
-    /// SHA-256 of the container, in hexadecimal digits; null where none was written.
+    /// SHA-256 of the container in hexadecimal; null if none was written.
     #[serde(default)]
     pub sha256: Option<String>,
-    /// The warnings of the bake.
+    /// Warnings of the bake.
     #[serde(default)]
     pub warnings: Vec<String>,
-    /// The reason of a failure, and its remedy.
+    /// Reason for the failure, and its remedy; null after a success.
     pub error: Option<String>,
 }
 
 impl SceneResult {
-    /// Of what `bake` told.
+    /// Makes the result from the outcome of `bake`.
     pub fn of(scene: &SceneLine, outcome: &Result<Outcome>, seconds: f64, common: &Common) -> Self {
         let result = Self {
             input: scene.input.clone(),
@@ -100,7 +100,7 @@ impl SceneResult {
         }
     }
 
-    /// True if the scene was not baked.
+    /// True if the bake failed.
     pub fn is_failed(&self) -> bool {
         self.status == Status::Failed
     }
@@ -108,7 +108,7 @@ impl SceneResult {
     /// The result as a line of JSON.
     ///
     /// # Errors
-    /// `Usage` for what JSON cannot hold.
+    /// `Usage` if JSON cannot represent the result.
     pub fn line(&self) -> Result<String> {
         let line = serde_json::to_string(self).map(|line| line + "\n");
         line.map_err(|error| Error::usage(format!("the result is not JSON: {error}")))

@@ -12,7 +12,7 @@ use crate::base::error::{Error, Result};
 pub enum Severity {
     /// The file must not be used.
     Error,
-    /// The file works, but something is off.
+    /// The file can be used, but something is suspicious.
     Warning,
 }
 

@@ -30,12 +30,12 @@ pub type Basis = [f32; FUNCTIONS];
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Harmonics {
-    /// The highest band, 0 to 3.
+    /// Degree of the harmonics, 0 to 3.
     pub degree: usize,
     /// Where colours are clamped.
     #[serde(rename = "where")]
     pub evaluation: Evaluation,
-    /// Added to the sum of each sample.
+    /// Number added to the sum of each sample.
     pub offset: f32,
     /// Limits of a colour.
     pub clamp: Clamp,

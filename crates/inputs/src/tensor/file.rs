@@ -44,20 +44,20 @@ impl TensorFile {
     }
 }
 
-/// Formats of files of tensors.
+/// Formats of tensor files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FileKind {
-    /// A zip file of a pickle and storages, as `torch.save` writes since 1.6.
+    /// A zip archive of a pickle and storages, as `torch.save` writes since 1.6.
     Torch,
-    /// A JSON header, then tensors.
+    /// A safetensors file: a JSON header, then tensors.
     Safetensors,
-    /// A zip file of NumPy arrays, stored or deflated.
+    /// A zip archive of NumPy arrays, stored or deflated.
     Npz,
-    /// A JSON text that describes a folder of pictures.
+    /// A JSON description of a folder of pictures.
     Folder,
-    /// A MessagePack document, plain or inside of zlib or gzip.
+    /// A MessagePack document, plain or compressed with zlib or gzip.
     Msgpack,
     /// An OpenVDB file.
     Vdb,

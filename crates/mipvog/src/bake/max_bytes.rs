@@ -22,27 +22,28 @@ const STEPS: usize = 128;
 
 /// A container that was packed, but not written.
 pub struct Attempt<T> {
-    /// Its bytes.
+    /// Size of the container in bytes.
     pub bytes: u64,
-    /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
+    /// How far colours may move, in codes, at nodes of importance 1 to nearby viewers, if they may.
     pub nearby_coarseness: Option<f32>,
     /// Its parts.
     pub packed: T,
 }
 
-/// The quality that a search found.
+/// The best quality within a size limit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct Chosen {
-    /// Bytes of the container.
+    /// Size of the container in bytes.
     pub bytes: u64,
-    /// Errors of the values; none if everything fitted unchanged.
+    /// Chosen error bounds of the groups; null if the container fitted unchanged.
     #[cfg_attr(feature = "schemas", schemars(with = "Option<serde_json::Value>"))]
     pub max_error: Option<MaxErrors>,
-    /// Codes that colours may move by at nodes of importance 1 to viewers nearby, if any.
+    /// How far colours may move, in codes, at nodes of importance 1 to nearby viewers; absent if
+    /// they may not move.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearby_coarseness: Option<f32>,
-    /// Number of finest levels that were dropped, including those that were requested.
+    /// Number of finest levels that were dropped, including requested ones.
     pub without_finest: usize,
 }
 

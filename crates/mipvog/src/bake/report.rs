@@ -15,52 +15,52 @@ use crate::model::baked::{Encoding, Group, LevelMetadata, LevelOfDetail, Metadat
 use crate::model::grid::Bounds;
 use crate::quantize::Bits;
 
-/// The result of a bake, and its cost.
+/// The result of a bake and its cost.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct BakeReport {
-    /// Bytes of the container.
+    /// Size of the container in bytes.
     pub output_bytes: u64,
-    /// Fine to coarse.
+    /// Levels, fine to coarse.
     pub levels: Vec<LevelReport>,
-    /// What levels from 1 on show around the next smaller box; absent without nested boxes.
+    /// Shells of levels from 1 on, around the next smaller box; absent without nested boxes.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shells: Vec<LevelReport>,
-    /// Fine to coarse, one for each of `levels`.
+    /// Pruning of each level, fine to coarse.
     pub pruned: Vec<PruneReport>,
-    /// True if the container already existed, and is the one that this bake would have written.
+    /// True if an identical container already existed, so nothing was written.
     pub unchanged: bool,
-    /// The report of the fit, if there was one.
+    /// Report of the fit, if levels were fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fitted: Option<FitReport>,
-    /// True if the free-space mask had to be stored.
+    /// True if the container stores the free-space mask.
     pub free_space_stored: bool,
     /// Number of values that were not finite and were treated as empty.
     pub nonfinite_values: u64,
-    /// The quality that was chosen to fit a requested size.
+    /// Quality chosen for the requested size.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chosen: Option<Chosen>,
-    /// The islands that were dropped, if requested.
+    /// Dropped islands, if dropping was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub islands: Option<IslandReport>,
-    /// In the order of the work.
+    /// Stages of the work, in order.
     pub stages: Vec<StageReport>,
 }
 
-/// The connected parts of level 0.
+/// The connected components of level 0's visible nodes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct IslandReport {
-    /// All of them.
+    /// Number of components.
     pub components: u64,
-    /// Those that became empty.
+    /// Number of dropped components, which are now empty.
     pub dropped: u64,
-    /// Their visible nodes.
+    /// Number of visible nodes in the dropped components.
     pub nodes: u64,
 }
 
 impl BakeReport {
-    /// Of a bake that had nothing to do.
+    /// The report of a bake whose container was up to date.
     pub fn unchanged(
         output_bytes: u64,
         levels: Vec<LevelReport>,
@@ -86,16 +86,16 @@ impl BakeReport {
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FitReport {
-    /// The rule of levels that the fit found.
+    /// Fitted rule that picks the level of a sample.
     pub level_of_detail: LevelOfDetail,
-    /// The fitted levels, fine to coarse.
+    /// Fitted levels, fine to coarse.
     pub levels: Vec<FittedLevel>,
-    /// True if it ended early, at its time limit or on request.
+    /// True if the fit ended early, at its time limit or on request.
     pub cut_short: bool,
 }
 
 impl FitReport {
-    /// Renumbers levels for a container without this many of the finest ones.
+    /// Renumbers the levels after the `dropped` finest ones were removed.
     pub(super) fn without_finest(fitted: Fitted, dropped: usize) -> Self {
         let Fitted { level_of_detail, mut levels, cut_short, .. } = fitted;
         levels.retain(|fitted| fitted.level >= dropped);
@@ -108,62 +108,64 @@ impl FitReport {
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct LevelReport {
-    /// 0 is the finest.
+    /// Index of the level; 0 is the finest.
     pub level: usize,
-    /// The box that the level spans, with its shell.
+    /// Box of the level, including its shell, in world units.
     pub bounds: Bounds,
     /// Nodes along x, y and z.
     pub dimensions: [usize; 3],
-    /// Nodes along a block's edge.
+    /// Nodes along each edge of a block.
     pub block_size: usize,
-    /// Blocks of the level.
+    /// Number of blocks, stored or empty.
     pub blocks_total: usize,
-    /// Stored blocks, including inherited ones.
+    /// Number of stored blocks, including inherited ones.
     pub blocks_stored: usize,
-    /// Blocks that inherit their colours from the next coarser level.
+    /// Number of inherited blocks, whose colours come from the next coarser level.
     pub blocks_filled: usize,
-    /// Bytes of table and codes before compression.
+    /// Bytes of the block table and the codes before compression.
     pub raw_bytes: u64,
-    /// Bytes of the level's chunks.
+    /// Bytes of the level's chunks in the file.
     pub stored_bytes: u64,
-    /// Leading bytes of the file that suffice to render the level; none in a forecast.
+    /// Bytes from the start of the file that suffice to render the level; null in a forecast.
     pub prefix_bytes: Option<u64>,
-    /// Proved bound on the error of opacity at retained nodes.
+    /// Proved bound on the error of opacity over one interval at retained nodes; opacity ranges
+    /// from 0 to 1. Null if the level stores no density or in a forecast that did not measure it.
     pub max_opacity_error: Option<f32>,
-    /// Proved bound on the error of colours and features at retained nodes.
+    /// Proved bound on the error of colours and features at retained nodes; colours range from 0 to
+    /// 1. Null if the level stores none or in a forecast that did not measure it.
     pub max_color_error: Option<f32>,
-    /// The level's groups, density first.
+    /// Groups of the level, density first.
     pub groups: Vec<GroupReport>,
 }
 
-/// Storage of one group of a level.
+/// Storage of one group of channels in a level.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct GroupReport {
-    /// Its name.
+    /// Name of the group.
     pub group: &'static str,
-    /// Bits per code: 1 to 16, f16 or f32; none if a forecast did not measure the level.
+    /// Bits per code: `1` to `16`, `f16` or `f32`; null if a forecast did not measure the level.
     pub bits: Option<String>,
-    /// Proved bound on the error at retained nodes whose values were not moved; none if a forecast
-    /// did not measure the level.
+    /// Proved bound on the error at retained nodes whose values were not moved, as opacity or
+    /// colour from 0 to 1; null if a forecast did not measure the level.
     pub max_error: Option<f32>,
-    /// Proved bound on the error of values that were moved because they hardly show; none if there
-    /// are none, or if the part of the error that is due to moves is unknown.
+    /// Proved bound on the error of values that were moved because of low importance, as colour
+    /// from 0 to 1; null if no value was moved, or if the effect of moving alone is unknown.
     pub moved_error: Option<f32>,
 }
 
-/// The errors that values were held to, in a container whose colours were moved after that.
+/// The error bounds before colours were moved.
 struct Held(Option<MaxErrors>);
 
 impl Held {
-    /// By the options of a provenance.
+    /// Reads the bounds from the options of a provenance.
     fn of(options: &Value) -> Self {
         let moves = |name: &str| options[name].as_f64().is_some_and(|codes| codes > 0.0);
         let is_moved = moves("coarseness") || moves("nearby_coarseness");
         Self(MaxErrors::from_json(&options["max_error"]).filter(|_| is_moved))
     }
 
-    /// The error of values that were not moved, and of those that were.
+    /// The error of values that were not moved, and of moved ones.
     fn errors(&self, level: usize, group: Group, encoding: &Encoding) -> (f32, Option<f32>) {
         let stated = encoding.max_error;
         match self.0.map(|errors| errors.of_level(level).of(group)) {
@@ -173,19 +175,19 @@ impl Held {
     }
 }
 
-/// The nodes of a level, sorted by visibility.
+/// The nodes of a level by visibility.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct PruneReport {
-    /// 0 is the finest.
+    /// Index of the level; 0 is the finest.
     pub level: usize,
-    /// Nodes of the grid.
+    /// Number of nodes of the grid.
     pub nodes: u64,
-    /// Nodes whose own opacity is above the threshold.
+    /// Number of nodes whose own opacity exceeds the threshold.
     pub opaque_nodes: u64,
-    /// Opaque nodes that the free-space mask drops.
+    /// Number of opaque nodes that the free-space mask removes.
     pub masked_nodes: u64,
-    /// Nodes that are kept: the corners of visible cells.
+    /// Number of retained nodes: the corners of visible cells.
     pub needed_nodes: u64,
 }
 
@@ -193,15 +195,15 @@ pub struct PruneReport {
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct StageReport {
-    /// Its name.
+    /// Name of the stage.
     pub name: &'static str,
-    /// Wall-clock time.
+    /// Wall-clock time in seconds.
     pub seconds: f64,
-    /// Bytes read from the input, or written.
+    /// Bytes read from the input or written.
     pub bytes: u64,
 }
 
-/// The stages so far, and the clock of the one at work.
+/// The finished stages, and the clock of the current one.
 #[derive(Debug)]
 pub(super) struct Stages {
     pub(super) list: Vec<StageReport>,
@@ -214,7 +216,7 @@ impl Stages {
         Self { list: Vec::new(), clock: Instant::now() }
     }
 
-    /// Ends a stage, and starts the next one.
+    /// Ends the current stage and starts the next one.
     pub(super) fn end(&mut self, name: &'static str, bytes: u64) {
         let seconds = self.clock.elapsed().as_secs_f64();
         self.list.push(StageReport { name, seconds, bytes });
@@ -236,13 +238,13 @@ impl Stages {
         self.list = joined;
     }
 
-    /// Starts the stage at work anew: the time until now belongs to none.
+    /// Restarts the clock of the current stage; the time so far counts for no stage.
     pub(super) fn restart(&mut self) {
         self.clock = Instant::now();
     }
 }
 
-/// The dropped nodes of each level, without this many of the finest levels.
+/// The pruning of each level, without the `dropped` finest levels.
 pub(super) fn prune_reports(visible: &Visible, dropped: usize) -> Vec<PruneReport> {
     let report = |(level, visible): (usize, &VisibleLevel)| PruneReport {
         level,
@@ -254,13 +256,13 @@ pub(super) fn prune_reports(visible: &Visible, dropped: usize) -> Vec<PruneRepor
     visible.levels.iter().skip(dropped).enumerate().map(report).collect()
 }
 
-/// The levels of a container, from its directory, its metadata and the options of its provenance.
-/// Fine to coarse.
+/// The levels of a container, fine to coarse, from its directory, its metadata and the options of
+/// its provenance.
 pub fn level_reports(metadata: &Metadata, entries: &[Entry], options: &Value) -> Vec<LevelReport> {
     part_reports(metadata, 0..metadata.levels.len(), entries, options)
 }
 
-/// The same of its shells, that of level 1 first.
+/// The shells of a container, that of level 1 first; see [`level_reports`].
 pub fn shell_reports(metadata: &Metadata, entries: &[Entry], options: &Value) -> Vec<LevelReport> {
     part_reports(metadata, metadata.levels.len()..metadata.parts().count(), entries, options)
 }

@@ -4,18 +4,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::harmonics::Harmonics;
 
-/// The rules of harmonics.
+/// View-dependent colour as spherical harmonics.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct HarmonicsMetadata {
-    /// The name of the kind.
+    /// Always `spherical_harmonics`.
     kind: HarmonicsKind,
-    /// The rules.
+    /// The rules that turn coefficients into colours.
     #[serde(flatten)]
     pub rules: Harmonics,
 }
 
-/// The name of the kind.
+/// The kind of view dependence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 enum HarmonicsKind {

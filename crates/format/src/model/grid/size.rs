@@ -67,9 +67,9 @@ impl Nodes {
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
-    /// Lowest corner.
+    /// Lowest corner: x, y, z.
     pub min: [f32; 3],
-    /// Highest corner.
+    /// Highest corner: x, y, z.
     pub max: [f32; 3],
 }
 

@@ -15,21 +15,21 @@ use crate::model::grid::NodeMask;
 use crate::view::sample::Dense;
 use crate::view::sample::{View, brightness};
 
-/// The course of one level's fit.
+/// The fit of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct FittedLevel {
-    /// The level's number; 0 is the finest.
+    /// Index of the level; 0 is the finest.
     pub level: usize,
-    /// Steps that were taken.
+    /// Number of steps taken.
     pub steps: usize,
-    /// PSNR of rays of pictures that no step uses, each of as many pixels as a picture
-    /// `2^level` times smaller has: of the levels of `rate-tent`, in dB. None where the time of the
-    /// fit was over before it was measured.
+    /// PSNR in dB of the levels of `rate-tent`, before the fit. It is measured on held-out rays of
+    /// pictures `2^level` times smaller along each side; null if the time limit came first.
     pub psnr_before: Option<f64>,
-    /// The same after the fit.
+    /// PSNR in dB after the fit, on the same rays; null if the time limit came first.
     pub psnr_after: Option<f64>,
-    /// False where the level is kept from `rate-tent`: the fitted version was worse at some scale.
+    /// True if the fitted level is used. False if the level of `rate-tent` is used instead, because
+    /// the fit is worse at some scale.
     pub kept: bool,
 }
 

@@ -13,41 +13,43 @@ use crate::view::render::Renderer;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schemas", derive(schemars::JsonSchema))]
 pub struct ScaleErrors {
-    /// Pixels of the full picture along one of this.
+    /// Factor by which the full-size picture is reduced along each side; 1 is full size.
     pub scale: usize,
-    /// Mean over frames of each frame's PSNR over all pixels and RGB, in dB; at most 200.
+    /// Mean PSNR over the frames, each over all pixels and RGB, in dB; at most 200.
     pub psnr: f64,
-    /// PSNR of the mean square error over the pixels of all frames, in dB; at most 200. A frame
-    /// that is blank or equal cannot carry a worse one, so gates use this.
+    /// PSNR of the mean squared error over the pixels of all frames, in dB; at most 200. Gates use
+    /// it, because blank or identical frames cannot hide a bad one.
     pub pooled_psnr: f64,
-    /// Mean over frames of the structural similarity; null for pictures below 11 pixels a side.
+    /// Mean structural similarity over the frames, at most 1; null for pictures with fewer than 11
+    /// pixels along a side.
     pub ssim: Option<f64>,
-    /// Largest error of a channel of a pixel.
+    /// Largest absolute error of any channel of any pixel, 0 to 1.
     pub max_abs: f64,
-    /// 99 of 100 channel errors are at most this.
+    /// 99th percentile of the absolute error over all channels and pixels, 0 to 1.
     pub p99_abs: f64,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// PSNR of the picture without view-dependent colour; null against photographs.
+    /// Mean PSNR without view-dependent colour, in dB; at most 200; null against photographs.
     pub psnr_diffuse: Option<f64>,
-    /// PSNR of opacity alone: silhouettes; null against pictures without alpha.
+    /// Mean PSNR of opacity, which shows silhouettes, in dB; at most 200; null against pictures
+    /// without alpha.
     pub psnr_opacity: Option<f64>,
-    /// The mean level that samples of the field read. Above 0 the pictures are so small that
-    /// coarser levels are read, and the error is theirs too; null where nothing shows.
+    /// Mean level that samples of the field read; 0 is the finest. Above 0, the error includes that
+    /// of coarser levels. Null if no frame shows anything.
     pub mean_level: Option<f64>,
-    /// Frames in which nothing shows, neither of the field nor of the reference.
+    /// Names of the frames in which neither field nor reference shows anything.
     pub blank_frames: Vec<String>,
 }
 
-/// One frame's error at one scale, as it comes.
+/// One frame at one scale: both pictures.
 pub struct FrameErrors<'a> {
-    /// The camera's name.
+    /// Name of the camera.
     pub frame: &'a str,
-    /// Pixels of the full picture along one of this.
+    /// Factor by which the full-size picture is reduced along each side.
     pub scale: usize,
-    /// The right picture.
+    /// Picture of the reference.
     pub want: &'a Picture,
-    /// The field's picture.
+    /// Picture of the field.
     pub got: &'a Picture,
 }
 
