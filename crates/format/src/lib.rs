@@ -1,7 +1,7 @@
 //! Reads and writes `.mipvog` containers of radiance fields, and samples them at points.
 //!
-//! This is the smallest crate of `mipvog-bake`: the format for game engines, viewers and
-//! converters, without baking. The format is specified in `formats/mipvog.md`.
+//! This is the smallest crate of `mipvog-bake`. Game engines, viewers and converters need only this
+//! crate; it does not bake. `formats/mipvog.md` specifies the format.
 //!
 //! ```no_run
 //! use mipvog_format::{Container, Limits, Sampler};

@@ -1,8 +1,8 @@
-//! Trained models. [`tensor`] reads file syntax and knows no names. Each other folder reads one
-//! family of models, and [`families`] tells them apart by content.
+//! Reads trained models. [`tensor`] parses file syntax, independent of names. Each other folder
+//! reads one family of models, and [`families`] recognizes the family by content.
 //!
-//! A family makes a [`Source`]: a field of nodes for the bake, and, where its own renderer follows
-//! other rules, a model that shows the unbaked input by these.
+//! A family makes a [`Source`]: a field of nodes for the bake and, if its own renderer follows
+//! other rules, a model that renders the unbaked input by these rules.
 //!
 //! ```no_run
 //! use mipvog::{BakeOptions, Baker};
@@ -67,7 +67,7 @@ pub mod unpacked;
 #[doc(hidden)]
 pub mod vdb;
 
-/// The bake's crate, whose types these use.
+/// The crate of the bake, whose types appear in this crate's signatures.
 pub use mipvog;
 
 #[doc(hidden)]

@@ -1,16 +1,17 @@
 //! Bakes trained radiance fields into sparse, quantized assets that load from coarse to fine.
 //!
-//! A trained radiance field is a dense grid of logits: gigabytes, mostly empty, and aliased from
-//! afar. A bake filters it into coarser levels, drops every block that no pixel can see, quantizes
-//! values within proved errors, and writes one `.mipvog` container. Any prefix of a container that
-//! ends at a level renders. The model is that of Mip-VoG
-//! (Hu et al., ICCV 2023, arXiv 2304.10075), on grids as DirectVoxGO trains them.
+//! A trained radiance field is a dense grid of logits: gigabytes, mostly empty, and aliased at a
+//! distance. A bake filters the grid into coarser levels, drops every block that no pixel can see,
+//! quantizes values within proved error bounds, and writes one `.mipvog` container. Any prefix of a
+//! container that ends after a level can be rendered. The model is that of Mip-VoG (Hu et al., ICCV
+//! 2023, arXiv 2304.10075), on grids as DirectVoxGO trains them.
 //!
 //! # Bake, read, sample, render
 //!
-//! A field comes from arrays ([`RadianceField::builder`]), or from a checkpoint by the crate
-//! `mipvog-inputs`. A [`Baker`] writes it to a vector, a writer or a file. A [`Container`] is read
-//! back by a [`Renderer`], which gives values at points of the world and pictures.
+//! A field comes from arrays ([`RadianceField::builder`]), or from a checkpoint that the crate
+//! `mipvog-inputs` reads. A [`Baker`] writes a field as a container: to a vector, a writer or a
+//! file. A [`Renderer`] reads a [`Container`], samples it at points of the world and renders
+//! pictures.
 //!
 //! ```
 //! use mipvog::{BakeOptions, Baker, Camera, Container, Limits, RadianceField, Renderer};
@@ -40,15 +41,15 @@
 //!
 //! * Arrays are node-centred and in C order: channel slowest, then x, y, and z fastest.
 //! * Positions are in world units, the axes of training. Level 0 is the finest.
-//! * Density is optical depth per world unit. Opacity is over one *interval*, the length of a step.
+//! * Density is optical depth per world unit. Opacity refers to one *interval*, the step length.
 //! * Colours are from 0 to 1 and display-referred, as in training.
 //!
 //! # Features
 //!
 //! * `parallel` (default): several threads. Results do not depend on it.
 //! * `pictures`: picture files, such as photographs to fit coarser levels to.
-//! * `network`: inputs at https addresses.
-//! * `schemas`: JSON schemas of reports.
+//! * `network`: inputs from https addresses.
+//! * `schemas`: JSON schemas for reports.
 //!
 //! # Stability
 //!
@@ -71,7 +72,7 @@ pub mod view;
 #[doc(hidden)]
 pub use mipvog_format::{base, container, quantize};
 
-/// The container's crate, whose types these use.
+/// The crate of the container, whose types appear in this crate's signatures.
 pub use mipvog_format;
 
 pub use bake::fit::FittedLevel;

@@ -1,4 +1,4 @@
-//! The common interface of all formats of `export`: the trait, the field and the options.
+//! The interface of all formats of `export`: the trait, the field and the options.
 
 use std::path::{Path, PathBuf};
 
@@ -17,28 +17,27 @@ use crate::view::render::{FrameOptions, LevelChoice, Renderer, render};
 
 /// A format that `export` writes.
 ///
-/// A format names the files of an export to a path, writes them, reads them back by its own rules,
-/// and describes what it cannot represent.
+/// A format names the files of an export, writes them, reads them back by its own rules, and lists
+/// the content that it cannot represent.
 pub trait ExportFormat: Sync {
-    /// The value of `--to`.
+    /// The name of the format, as in `--to`.
     fn name(&self) -> &'static str;
 
-    /// Options of the command line, beside those of all formats, that it takes: names with
-    /// underscores.
+    /// The format's own command-line options, with underscores.
     fn options(&self) -> &'static [&'static str];
 
-    /// True if it embeds a container, so that the source must have one.
+    /// True if the format embeds a container, which the source must then have.
     fn takes_container(&self) -> bool {
         false
     }
 
-    /// True if it holds all boxes of a world.
+    /// True if the format can represent all boxes of a world.
     fn holds_boxes(&self) -> bool {
         self.takes_container()
     }
 
-    /// Pixels along a side of the pictures for measuring its loss, if no camera is given. A tenth
-    /// of the pixels of 400 x 400 gives the loss to 0.1 dB.
+    /// Without cameras, pictures of this many pixels per side measure the loss. A tenth of the
+    /// pixels of 400 x 400 gives the loss to 0.1 dB.
     fn side(&self) -> usize {
         128
     }
@@ -47,14 +46,14 @@ pub trait ExportFormat: Sync {
     ///
     /// # Errors
     ///
-    /// `Usage` for a name, `InvalidOption` for sizes, `Unsupported` for fields.
+    /// `Usage` for invalid names, `InvalidOption` for sizes, `Unsupported` for fields.
     fn check(&self, source: &ExportSource, options: &ExportOptions, output: &Path) -> Result<()>;
 
-    /// Writes the files, under names beside `output` or in it.
+    /// Writes the files, beside `output` or in it.
     ///
     /// # Errors
     ///
-    /// Errors of writing and of sizes, and a request to stop.
+    /// Errors of writing, sizes that the format cannot represent, and `Cancelled`.
     fn write(
         &self,
         source: &ExportSource,
@@ -63,8 +62,8 @@ pub trait ExportFormat: Sync {
         progress: &dyn Progress,
     ) -> Result<Exported>;
 
-    /// Reads the written bytes back, with the rendering rules of the format's programs. Background,
-    /// near and far are the source's.
+    /// Reads the written files back, with the rendering rules of the programs that read the format.
+    /// Background, near and far come from the source.
     ///
     /// # Errors
     ///
@@ -77,14 +76,14 @@ pub trait ExportFormat: Sync {
     ) -> Result<Box<dyn Shown>>;
 }
 
-/// An export after reading back, with the rendering rules of its format's programs.
+/// An export that was read back, with the rendering rules of the programs that read its format.
 pub trait Shown {
     /// The colours of a camera's picture over the background, row by row, one ray per pixel.
     /// [`Step::Render`] advances by tiles.
     ///
     /// # Errors
     ///
-    /// Errors of rendering, and a request to stop.
+    /// Errors of rendering, and `Cancelled`.
     fn picture(&self, camera: &Camera, progress: &dyn Progress) -> Result<Vec<[f32; 3]>>;
 }
 
@@ -98,9 +97,9 @@ impl Shown for Renderer {
 /// The source field of an export.
 #[derive(Debug)]
 pub struct ExportSource {
-    /// The field.
+    /// The field to export.
     pub field: Renderer,
-    /// Name of its file, without folders.
+    /// File name of the input, without folders.
     pub name: String,
     /// SHA-256 of the input, in hexadecimal digits: of the bytes of a file, or the digest of a
     /// folder.
@@ -109,7 +108,7 @@ pub struct ExportSource {
     pub path: PathBuf,
     /// The metadata of the container, if it has nested boxes and the field has all of them.
     pub world: Option<Metadata>,
-    /// The bytes of a container of the field, for formats that take one.
+    /// The field as a container, for formats that embed one.
     pub container: Option<Vec<u8>>,
 }
 
@@ -118,29 +117,29 @@ pub struct ExportSource {
 pub struct ExportOptions {
     /// The level to export, 0 being the finest. Default: 0
     pub level: usize,
-    /// Points for each node along an axis. Default: as the format says
+    /// Sample points per node along each axis. Default: chosen by the format
     pub supersample: Option<usize>,
-    /// Cubic cells along the longest axis, instead of nodes. Default: nodes
+    /// Number of cubic cells along the longest axis, instead of nodes. Default: nodes
     pub resolution: Option<usize>,
     /// The part of the box to export. Default: all
     pub crop: Option<Bounds>,
-    /// Pictures of coarser levels. Default: false
+    /// Also writes coarser levels, for Mip-VoG's viewer. Default: false
     pub mips: bool,
-    /// The world's axis that is up in the written file. Default: z
+    /// The up axis of the written file. Default: z
     pub up: UpAxis,
-    /// Values as float32 instead of half floats. Default: false
+    /// Writes values as float32 instead of half floats. Default: false
     pub float32: bool,
     /// Divides densities by the largest one. Default: false
     pub normalize_density: bool,
-    /// Writes the features of a view network, or coefficients of harmonics. Default: false
+    /// Also writes the features of a view network or the coefficients of harmonics. Default: false
     pub features: bool,
-    /// Gaussian splats, at most. Default: 100,000
+    /// Maximum number of Gaussian splats. Default: 100,000
     pub splats: Option<usize>,
-    /// Triangles of a mesh, at most. Default: 100,000
+    /// Maximum number of triangles of a mesh. Default: 100,000
     pub triangles: Option<usize>,
-    /// Cameras for fitting the export. Default: none, so the format makes its own
+    /// Cameras for fitting the export. Default: none, the format makes its own
     pub cameras: Vec<Camera>,
-    /// Bounds on sizes and memory.
+    /// Limits on sizes and memory.
     pub limits: Limits,
 }
 
@@ -164,20 +163,20 @@ impl Default for ExportOptions {
     }
 }
 
-/// An axis that is up.
+/// The up axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UpAxis {
-    /// As in training.
+    /// z is up, as in training.
     Z,
-    /// Positions are mapped from `(x, y, z)` to `(x, z, -y)`.
+    /// y is up: positions map from `(x, y, z)` to `(x, z, -y)`.
     Y,
 }
 
-/// The result of a format.
+/// The result of writing a format.
 #[derive(Debug, Default)]
 pub struct Exported {
-    /// Descriptions of content that the source has and the files lack.
+    /// Contents of the source that the files lack.
     pub lost: Vec<String>,
-    /// Figures of the format's own, for reports.
+    /// Figures that only this format has, for reports.
     pub details: Map<String, Value>,
 }

@@ -1,7 +1,7 @@
-//! Formats that other programs read, a file or a folder each.
+//! Writes the formats of other programs, one file or folder per format.
 //!
-//! [`mod@format`] is the trait of a format of `export`. [`volume`] is a field's level for volume
-//! formats.
+//! [`mod@format`] has the trait for formats of `export`. [`volume`] represents one level of a field
+//! for volume formats.
 
 use mipvog::{base, container, levels, model, picture, unpacked, view};
 

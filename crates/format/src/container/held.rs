@@ -1,9 +1,9 @@
-//! Checks of metadata rules; each violation is a finding.
+//! Checks metadata rules; each violation becomes a finding.
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::{Code, Report, checked};
 
-/// Checks of metadata rules.
+/// Checks metadata rules.
 pub(super) struct Rules<'a, 'r> {
     /// False after a violation.
     pub(super) sound: bool,
@@ -25,7 +25,7 @@ impl Rules<'_, '_> {
         })
     }
 
-    /// Reports a rule's error.
+    /// Reports the error of a failed rule.
     pub(super) fn hold(
         &mut self,
         key: &str,

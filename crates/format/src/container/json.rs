@@ -1,5 +1,5 @@
-//! Canonical JSON: keys sorted by their bytes, no spaces, numbers in the shortest form that reads
-//! back as the same double. The same value is always the same bytes.
+//! Canonical JSON: keys sorted by their bytes, no spaces, numbers in the shortest form that parses
+//! to the same double. Equal values have equal bytes.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -7,14 +7,14 @@ use serde_json::Value;
 
 use crate::base::error::{Error, Place, Result};
 
-/// A value as canonical JSON.
+/// Writes a value as canonical JSON.
 pub fn to_canonical(value: &impl Serialize) -> Result<String> {
     let value = serde_json::to_value(value).map_err(|error| not_json(&error, &Place::File))?;
     Ok(sorted(value).to_string())
 }
 
-/// Reads canonical JSON, and refuses any other form of the same value: rewriting the value must
-/// give the same bytes.
+/// Reads canonical JSON. Refuses any other form of a value: writing the value again must give the
+/// same bytes.
 pub fn from_canonical<T: DeserializeOwned + Serialize>(text: &[u8], place: &Place) -> Result<T> {
     let value: T = serde_json::from_slice(text).map_err(|error| not_json(&error, place))?;
     if to_canonical(&value)?.as_bytes() == text {

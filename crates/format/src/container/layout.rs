@@ -1,4 +1,4 @@
-//! Header and directory: the records of `formats/mipvog.md`, sections 2 and 3.
+//! Header and directory: the records in sections 2 and 3 of `formats/mipvog.md`.
 
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, ErrorKind, NEWER, Place, Result};
@@ -9,51 +9,52 @@ pub use super::generated::{
     PROVENANCE, TABLE, THUMBNAIL, VERSION, VMLP,
 };
 
-/// First bytes of every container. Like PNG's: a byte with its high bit set, the name, both line
-/// ends and an end-of-file character, so that text-mode transfers damage it visibly.
+/// First bytes of every container. As in PNG, a byte with its high bit set, the name, both line
+/// endings and an end-of-file character make damage by text-mode transfers visible.
 pub const SIGNATURE: [u8; 8] = [0x89, b'M', b'V', b'G', b'\r', b'\n', 0x1a, b'\n'];
-/// Bytes of the header.
+/// Length of the header in bytes.
 pub const HEADER_BYTES: u64 = 64;
-/// Bytes of a directory entry.
+/// Length of a directory entry in bytes.
 pub const ENTRY_BYTES: u64 = 64;
-/// Chunks start at multiples of this.
+/// Chunks start at multiples of this many bytes.
 pub const ALIGNMENT: u64 = 64;
-/// Offset of the header's checksum, which counts as zero when it is computed.
+/// Offset of the header's checksum, which is treated as zero while it is computed.
 const CHECKSUM_AT: usize = 48;
-/// Level field of a chunk without a level.
+/// Level field of a chunk that belongs to no level.
 const NO_LEVEL: u32 = u32::MAX;
 
-/// The header.
+/// The header of a container.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// Major and minor version.
+    /// Major and minor version of the format.
     pub version: [u16; 2],
     /// Features that a reader must know.
     pub features: u64,
-    /// Bytes of the whole file.
+    /// Length of the file in bytes.
     pub file_length: u64,
-    /// Offset of the directory.
+    /// Offset of the directory in bytes.
     pub directory_offset: u64,
-    /// Entries of the directory.
+    /// Number of directory entries.
     pub entries: u32,
     /// CRC-32 over header and directory.
     pub checksum: u32,
 }
 
-/// One chunk, as the directory states it.
+/// A chunk's entry in the directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
-    /// Its type.
+    /// Type of the chunk.
     pub kind: ChunkKind,
-    /// Its level, if it belongs to one.
+    /// Level that the chunk belongs to, if any.
     pub level: Option<u32>,
     /// Offset of its first byte in the file.
     pub offset: u64,
-    /// Its bytes, without padding.
+    /// Length in bytes, without padding.
     pub length: u64,
-    /// Leading bytes of the file that suffice to render this chunk's level; 0 without a level.
+    /// Bytes from the start of the file that suffice to render this chunk's level; 0 without a
+    /// level.
     pub prefix: u64,
-    /// CRC-32 of its bytes.
+    /// CRC-32 of the chunk's bytes.
     pub checksum: u32,
 }
 
@@ -75,12 +76,12 @@ impl Entry {
         self.kind.first().is_some_and(u8::is_ascii_uppercase)
     }
 
-    /// Its place, for errors.
+    /// The chunk's place, for errors.
     pub fn place(&self) -> Place {
         Place::Chunk { kind: self.kind, level: self.level }
     }
 
-    /// Offset of the first byte after its padding; can exceed the file in an invalid directory.
+    /// Offset of the first byte after the padding; in an invalid directory, it can exceed the file.
     pub fn padded_end(&self) -> u64 {
         let end = self.offset.saturating_add(self.length);
         end.checked_next_multiple_of(ALIGNMENT).unwrap_or(u64::MAX)
@@ -115,8 +116,8 @@ impl Entry {
 }
 
 impl Header {
-    /// Header and directory as bytes, with their checksum. The version is the first that has the
-    /// `features`.
+    /// Header and directory as bytes, with their checksum. The version is the lowest that supports
+    /// the `features`.
     pub fn with_directory(features: u64, file_length: u64, entries: &[Entry]) -> Result<Vec<u8>> {
         let count = u32::try_from(entries.len())
             .map_err(|_| Error::new(ErrorKind::Overflow { what: "directory" }, Place::File))?;
@@ -139,7 +140,7 @@ impl Header {
         Ok(bytes)
     }
 
-    /// Reads the fields; checks only signature and version.
+    /// Reads the fields. Checks only signature and version.
     pub fn read(bytes: &[u8]) -> Result<Self> {
         let mut reader = ByteReader::new(bytes, 0);
         let signature = reader.array()?;

@@ -13,7 +13,7 @@ use crate::base::limits::{Budget, Limits};
 use crate::model::grid::Nodes;
 use crate::model::scene::{FreeSpace, Lookup};
 
-/// The chunk's bytes.
+/// Writes the chunk.
 pub fn to_bytes(mask: &FreeSpace, level: i32) -> Result<Vec<u8>> {
     let (id, threshold, values): (u32, f32, Vec<u8>) = match &mask.lookup {
         Lookup::Nearest(inside) => {

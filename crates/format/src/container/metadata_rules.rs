@@ -1,5 +1,5 @@
-//! Rules of a container's metadata: values are in range and agree with each other.
-//! `formats/mipvog.md`, sections 4 to 6. The ranges of single values are in [`super::generated`].
+//! Rules of a container's metadata: values are in range and consistent. See `formats/mipvog.md`,
+//! sections 4 to 6. [`super::generated`] has the ranges of single values.
 
 use super::generated::ranges;
 use super::held::Rules;
@@ -14,14 +14,14 @@ use crate::model::directional::{DIRECTIONAL as DIRECTIONAL_VALUES, MOST_CHANNELS
 use crate::model::grid::{Bounds, Nodes};
 use crate::model::scene::{ColorDomain, DensityFunction};
 
-/// Allowed ratio of a shell's node distance to that of the next smaller box.
+/// Allowed ratio of a shell's node spacing to that of the next smaller box.
 pub const SPACING_RATIOS: std::ops::RangeInclusive<f64> = 1.5..=3.0;
 
-/// Nodes along a block's edge, at most.
+/// Maximum number of nodes along a block's edge.
 pub const LARGEST_BLOCK: usize = 64;
 
-/// Checks that values of the metadata are in range and consistent. Returns `false` if levels cannot
-/// be read with them.
+/// Checks that the metadata's values are in range and consistent. Returns `false` if levels cannot
+/// be read with these values.
 pub fn metadata(
     metadata: &Metadata,
     limits: &Limits,
@@ -64,7 +64,7 @@ pub fn metadata(
     Ok(rules.sound)
 }
 
-/// Rules over several values, except those of levels.
+/// Rules that involve several values, except those of levels.
 fn scene(metadata: &Metadata, place: &Place, rules: &mut Rules) -> Result<()> {
     let (march, activation) = (&metadata.march, &metadata.activation);
     let boxed = metadata.bounds.check(place);
@@ -117,7 +117,7 @@ fn shells(metadata: &Metadata, rules: &mut Rules) -> Result<()> {
     Ok(())
 }
 
-/// True if a box contains a smaller one, and its nodes are about twice as far apart.
+/// True if a box contains the `smaller` one and has about twice its node spacing.
 pub fn is_around((bounds, nodes): (Bounds, Nodes), (smaller, finer): (Bounds, Nodes)) -> bool {
     let holds = bounds.min.iter().zip(smaller.min).all(|(&low, inner)| low <= inner)
         && bounds.max.iter().zip(smaller.max).all(|(&high, inner)| high >= inner);
@@ -216,8 +216,8 @@ pub fn check_metadata(sound: &Metadata, limits: &Limits, place: &Place) -> Resul
     metadata(sound, limits, place, &mut strict).map(|_| ())
 }
 
-/// True if values of a group can have this meaning. Levels that are mixed before activation must
-/// have the same meaning.
+/// True if the values of a group can be decoded this way. Levels that are blended before activation
+/// must be decoded the same way.
 fn decodes(metadata: &Metadata, linear: bool, group: Group, decode: Decode) -> bool {
     let harmonics = metadata.view.as_ref().and_then(ViewMetadata::harmonics);
     match (group, harmonics, metadata.blend) {

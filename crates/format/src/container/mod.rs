@@ -1,5 +1,4 @@
-//! The container, `.mipvog`, version 1: `formats/mipvog.md` is its specification, this module its
-//! writer and reader.
+//! Reads and writes version 1 of the `.mipvog` container, as specified in `formats/mipvog.md`.
 //!
 //! ```text
 //! header (64 bytes), directory (64 bytes an entry), chunks, each at a multiple of 64
@@ -10,9 +9,9 @@
 //!   TABL  occupancy of blocks     DENS, DIFF, FEAT  atlases, cut into compressed runs of frames
 //! ```
 //!
-//! [`layout`] has the records, [`runs`] the compressed runs of frames, [`json`] canonical JSON,
-//! `open` walks the rules of a file's structure, `read` decodes its levels, `prefix` reads a file
-//! that was cut after a level, and `write` assembles a file.
+//! [`layout`] has the records, [`runs`] the compressed runs of frames, and [`json`] canonical JSON.
+//! `open` checks a file's structure, `read` decodes its levels, `prefix` reads a file truncated
+//! after a level, and `write` assembles a file.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::cast_possible_truncation))]
 
 mod generated;

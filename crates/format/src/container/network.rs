@@ -1,4 +1,4 @@
-//! The `VMLP` chunk: for each layer its weights `[out, in]`, then its biases, as f32.
+//! The `VMLP` chunk: per layer, the weights `[out, in]`, then the biases, as f32.
 
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
@@ -6,7 +6,7 @@ use crate::base::limits;
 use crate::model::baked::{Metadata, NetworkMetadata};
 use crate::model::view_mlp::{Layer, ViewMlp};
 
-/// The chunk's bytes.
+/// Writes the chunk.
 pub fn to_bytes(network: &ViewMlp) -> Vec<u8> {
     let values = network.layers.iter().flat_map(|layer| layer.weights.iter().chain(&layer.bias));
     values.flat_map(|value| value.to_le_bytes()).collect()

@@ -1,8 +1,8 @@
 //! Opening a container: its header, directory and metadata.
 //!
-//! The strict reader, the reader of prefixes and the validator share one walk. It reports each
-//! violated rule and continues if possible. Sizes are checked against the file's length or the
-//! limits before allocation.
+//! The strict reader, the prefix reader and the validator share one walk, which reports each
+//! violated rule and continues if possible. Before allocation, sizes are checked against the file's
+//! length or the limits.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::model::baked::Metadata;
 /// A rule on the length of a file.
 type LengthRule = fn(&Header, u64, &mut Report) -> Result<()>;
 
-/// An open container: its directory and metadata, checked; levels are read on demand.
+/// An open container. Its directory and metadata are checked; levels are read on demand.
 #[derive(Debug)]
 pub struct Container {
     pub(super) file: Arc<SourceFile>,
@@ -28,8 +28,8 @@ pub struct Container {
     pub(super) entries: Vec<Entry>,
     pub(super) metadata: Metadata,
     pub(super) limits: Limits,
-    /// Pointer to the document's value that holds the container, and the container's offset in the
-    /// file.
+    /// JSON pointer to the value of the document that embeds the container, and the container's
+    /// offset in the file.
     pub(super) inside: Option<(String, u64)>,
 }
 
@@ -39,10 +39,11 @@ pub fn is_container(file: &SourceFile) -> bool {
     file.read_into(0, &mut start).is_ok() && start == super::layout::SIGNATURE
 }
 
-/// Letters of the signatures of PNG and HDF5, whose other bytes match a container's.
+/// Letters in the signatures of PNG and HDF5, whose other bytes equal those of a container.
 const RELATIVES: [&[u8]; 2] = [b"PNG", b"HDF"];
 
-/// True if half of the signature's bytes match: probably a container with a damaged signature.
+/// True if half of the signature's bytes match, so the file is probably a container with a damaged
+/// signature.
 pub fn starts_container(file: &SourceFile) -> bool {
     let mut start = [0; 8];
     let read = file.read_into(0, &mut start).is_ok() && !RELATIVES.contains(&&start[1..4]);
@@ -50,7 +51,7 @@ pub fn starts_container(file: &SourceFile) -> bool {
 }
 
 impl Container {
-    /// Opens a complete container, and checks its structure and metadata, but not yet its levels.
+    /// Opens a complete container. Checks its structure and metadata, but not yet its levels.
     ///
     /// # Errors
     /// The first violated rule of the specification. Every proper prefix of a container violates
@@ -64,7 +65,7 @@ impl Container {
         Self::open(Arc::new(SourceFile::open(path)?), limits)
     }
 
-    /// Opens a container in memory; a slice is copied once. See [`Self::open`].
+    /// Opens a container in memory; see [`Self::open`]. A slice is copied once.
     ///
     /// ```
     /// use mipvog_format::{Container, ErrorKind, Limits};
@@ -76,8 +77,7 @@ impl Container {
         Self::open(Arc::new(SourceFile::decoded(bytes.into(), Path::new("memory"))), limits)
     }
 
-    /// Opens a container by positioned reads, under the name `path` in messages; see
-    /// [`Self::open`].
+    /// Opens a container through positioned reads; see [`Self::open`]. Messages name it `path`.
     pub fn from_reads(bytes: Arc<dyn ReadAt>, path: &Path, limits: &Limits) -> Result<Self> {
         Self::open(Arc::new(SourceFile::held(bytes, path)?), limits)
     }
@@ -102,8 +102,8 @@ impl Container {
         opened.ok_or_else(|| Error::malformed(Place::File, "no metadata", "a container"))
     }
 
-    /// Opens a container, reporting everything that is wrong with its structure and metadata.
-    /// `None` if reading cannot continue.
+    /// Opens a container and reports all faults of its structure and metadata. Returns `None` if
+    /// reading cannot continue.
     #[doc(hidden)]
     pub fn walk(
         file: Arc<SourceFile>,
@@ -151,15 +151,15 @@ impl Container {
         Ok(Some(Self { file, header, entries, metadata, limits, inside: None }))
     }
 
-    /// Marks this container as embedded in a value of a document, at byte `offset` of its file, so
-    /// that errors of strict reads have places in that file.
+    /// Marks this container as embedded in a value of a document, at byte `offset` of its file.
+    /// Errors of strict reads then have places in that file.
     #[must_use]
     pub fn inside(mut self, pointer: &str, offset: u64) -> Self {
         self.inside = Some((pointer.to_owned(), offset));
         self
     }
 
-    /// The limits that the container was opened with.
+    /// The limits at opening.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -174,7 +174,7 @@ impl Container {
         &self.file
     }
 
-    /// Every chunk, in the order of the file.
+    /// All chunks, in the order of the file.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
@@ -201,7 +201,7 @@ impl Container {
         )
     }
 
-    /// Decodes a chunk's bytes, which count against the budget while held.
+    /// Decodes a chunk's bytes. The bytes count against the budget until decoded.
     pub(super) fn with_chunk<T>(
         &self,
         entry: &Entry,
@@ -219,7 +219,7 @@ impl Container {
         Ok(decoded)
     }
 
-    /// Errors of strict reads, with the file that they are about.
+    /// Adds the file to errors of strict reads.
     pub(super) fn in_file<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|error| {
             let error = error.in_file(self.file.path());
@@ -239,7 +239,7 @@ fn read_entries(file: &SourceFile, header: &Header, limits: &Limits) -> Result<V
     read_directory(header, &bytes)
 }
 
-/// A chunk's bytes, with a verified checksum, up to the limit `allowed`, which errors name.
+/// A chunk's bytes, with a verified checksum. Refuses more bytes than the limit `allowed`.
 fn chunk_bytes(
     file: &SourceFile,
     entry: &Entry,

@@ -1,4 +1,4 @@
-//! The first levels of a container that was cut where a level ends.
+//! Containers truncated after a level: their coarsest levels.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,8 +10,8 @@ use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::Limits;
 use crate::model::baked::{BakedField, Metadata};
 
-/// A container whose finest levels may be missing. All present parts must follow the same rules as
-/// in a complete file.
+/// A container whose finest levels may be missing. The parts that are present follow the same rules
+/// as in a complete file.
 #[derive(Debug)]
 pub struct Prefix {
     container: Container,
@@ -21,9 +21,8 @@ pub struct Prefix {
 impl Container {
     /// Opens a container that is complete or ends at a level's prefix.
     ///
-    /// # Errors
-    /// As [`Self::open`], and `Truncated` if the file ends anywhere else; `wanted` is then the
-    /// smallest length that renders a level, or the next finer level.
+    /// # Errors As [`Self::open`], and `Truncated` if the file ends anywhere else. `wanted` is then
+    /// the shortest prefix that renders a level, or the next finer level.
     pub fn read_prefix(file: Arc<SourceFile>, limits: &Limits) -> Result<Prefix> {
         let path = file.path().to_owned();
         let container = Self::open_prefix(file, limits)?;
@@ -69,8 +68,8 @@ impl Prefix {
         0..self.finest
     }
 
-    /// Decodes the present levels. Missing levels have no blocks, in the metadata too; renderers
-    /// start at [`BakedField::finest`].
+    /// Decodes the levels that are present. Missing levels have no blocks, nor does their metadata
+    /// state any. Renderers start at [`BakedField::finest`].
     ///
     /// # Errors
     /// The first rule of the specification that the content violates.

@@ -54,7 +54,8 @@ impl Container {
         self.in_file(read())
     }
 
-    /// Decodes everything, coarse to fine, and reports all faults. Memory is that of one level.
+    /// Decodes everything, coarse to fine, and reports all faults. Only one level is in memory at a
+    /// time.
     #[doc(hidden)]
     pub fn check_contents(&self, report: &mut Report) -> Result<()> {
         self.head(&mut Budget::new(&self.limits), report)?;
@@ -70,9 +71,9 @@ impl Container {
         Ok(())
     }
 
-    /// Reads everything part by part: `visit` gets the number of each part and the part, coarsest
-    /// first, so that only one is in memory, beside the coarser level that inherited blocks need.
-    /// Chunks of no level are not read: [`Self::read_head`] does.
+    /// Reads all parts, coarsest first. `visit` gets the number of each part and the part. Only
+    /// this part is in memory, plus the coarser level that inherited blocks need.
+    /// [`Self::read_head`] reads the chunks that belong to no level.
     pub fn for_each_part(
         &self,
         mut visit: impl FnMut(usize, &BakedLevel) -> Result<()>,
@@ -106,7 +107,8 @@ impl Container {
         read.ok_or_else(|| Error::malformed(Place::File, "no such level", "one of the metadata"))
     }
 
-    /// The network and the free-space mask; verifies every other chunk that belongs to no level.
+    /// Reads the network and the free-space mask. Verifies all other chunks that belong to no
+    /// level.
     pub fn read_head(&self) -> Result<(Option<ViewMlp>, Option<FreeSpace>)> {
         self.in_file(self.head(&mut Budget::new(&self.limits), &mut strict))
     }
@@ -125,7 +127,7 @@ impl Container {
     }
 
     /// The ancillary chunks that this version does not know, in the order of the file. A program
-    /// that writes the container again keeps them.
+    /// that rewrites the container keeps them.
     pub fn other_chunks(&self) -> Result<Vec<OtherChunk>> {
         let unknown = |entry: &&Entry| !entry.is_critical() && entry.kind != PROVENANCE;
         let chunks = self.entries.iter().filter(unknown).map(|entry| {
@@ -177,7 +179,7 @@ impl Container {
         Ok((view_mlp, free_space))
     }
 
-    /// A part, with inherited blocks made from the `coarser` level.
+    /// Reads a part, and makes inherited blocks from the `coarser` level.
     fn level(
         &self,
         number: usize,
@@ -238,7 +240,8 @@ impl Container {
         })
     }
 
-    /// The codes of all blocks from those of stored blocks; none if the coarser level is missing.
+    /// The codes of all blocks, restored from those of stored blocks. `None` if the coarser level
+    /// is missing.
     fn restore(
         &self,
         number: usize,

@@ -1,5 +1,5 @@
-//! Rules of a container's chunks: their presence, their places, and the header's statements.
-//! `formats/mipvog.md`, sections 2 and 3. Rules of its metadata are in [`super::metadata_rules`].
+//! Rules of a container's header and chunks: presence, order and places. See `formats/mipvog.md`,
+//! sections 2 and 3. [`super::metadata_rules`] has the rules of the metadata.
 
 use super::layout::{
     ALIGNMENT, ANISOTROPY, ATLASES, BENT_RULE, CHUNKS, ChunkKind, DIRECTIONAL, ENTRY_BYTES, Entry,
@@ -17,7 +17,7 @@ pub fn is_known(kind: ChunkKind) -> bool {
     CHUNKS.contains(&kind) || ATLASES.contains(&kind)
 }
 
-/// Checks features and the directory's place.
+/// Checks the features and the place of the directory.
 pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     let unknown = header.features & !KNOWN_FEATURES;
     if unknown != 0 {
@@ -33,7 +33,7 @@ pub fn header(header: &Header, report: &mut Report) -> Result<()> {
     Ok(())
 }
 
-/// Checks that the file has the length in its header.
+/// Checks that the file is as long as its header states.
 pub fn length(header: &Header, file_length: u64, report: &mut Report) -> Result<()> {
     if header.file_length > file_length {
         let kind = ErrorKind::Truncated { wanted: header.file_length, left: file_length };
@@ -47,7 +47,7 @@ pub fn length(header: &Header, file_length: u64, report: &mut Report) -> Result<
     Ok(())
 }
 
-/// Checks that chunks follow each other without holes, are known if critical, and are unique.
+/// Checks that chunks are contiguous and unique, and that critical chunks are known.
 pub fn chunks(entries: &[Entry], file_length: u64, report: &mut Report) -> Result<()> {
     let mut next = HEADER_BYTES + ENTRY_BYTES * entries.len() as u64;
     for (i, entry) in entries.iter().enumerate() {
@@ -98,7 +98,7 @@ pub fn padding(file: &SourceFile, entries: &[Entry], report: &mut Report) -> Res
     Ok(())
 }
 
-/// The required features for this metadata.
+/// The features that this metadata requires.
 pub fn required_features(metadata: &Metadata) -> u64 {
     let inherits = metadata.parts().any(|level| level.blocks_filled > 0);
     let linear = metadata.color_domain() == ColorDomain::Linear
@@ -118,7 +118,7 @@ pub fn required_features(metadata: &Metadata) -> u64 {
     bits.into_iter().filter(|&(is_set, _)| is_set).map(|(_, bit)| bit).sum()
 }
 
-/// Checks that the header's features are exactly those that the metadata needs.
+/// Checks that the header states exactly the features that the metadata requires.
 pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Result<()> {
     let required = required_features(metadata);
     if required == header.features & KNOWN_FEATURES {
@@ -130,8 +130,8 @@ pub fn features(header: &Header, metadata: &Metadata, report: &mut Report) -> Re
     report(Finding { code: Code::Header, error })
 }
 
-/// Checks that exactly the chunks in the metadata are present, in order, coarse to fine, with the
-/// right prefix.
+/// Checks that exactly the chunks that the metadata implies are present, coarse to fine, with the
+/// correct prefixes.
 pub fn contents(
     entries: &[Entry],
     metadata: &Metadata,
@@ -205,8 +205,8 @@ fn prefixes(
     Ok(())
 }
 
-/// Bytes from the file's start that suffice to render a level: its own chunks and all coarser ones;
-/// if coarser levels have no density, the whole file.
+/// Bytes from the start of the file that suffice to render a level: its own chunks and all coarser
+/// ones. If coarser levels have no density, the whole file.
 pub fn level_prefix(entries: &[Entry], metadata: &Metadata, level: u32, file_length: u64) -> u64 {
     if metadata.parts().any(|level| level.density.is_none()) {
         return file_length;

@@ -1,8 +1,8 @@
-//! Atlases as runs of frames, each compressed on its own.
+//! Atlases as runs of frames. Each run is compressed on its own.
 //!
-//! A run holds consecutive frames of one group as [`crate::quantize::run_bytes`] writes
-//! them. Runs are independent zstd frames, so they decode in parallel; one that zstd cannot shrink
-//! is stored as it is. An atlas chunk is
+//! A run holds consecutive frames of one group, in the form of [`crate::quantize::run_bytes`]. Runs
+//! are independent zstd frames and decode in parallel. A run that zstd cannot shrink is stored
+//! uncompressed. An atlas chunk is
 //!
 //! ```text
 //! u32 frames of a full run, u32 runs,
@@ -25,7 +25,7 @@ use crate::base::parallel;
 use crate::model::baked::{Codes, Encoding, with_codes};
 use crate::quantize::{Code, Frame, FrameShape, RunBytes, run_bytes, run_codes};
 
-/// Approximate bytes of codes in a full run: small enough for parallel work, large enough for
+/// Approximate bytes of codes in a full run: small enough for parallel decoding, large enough for
 /// several modes.
 pub const RUN_BYTES: usize = 512 << 10;
 /// First bytes of a zstd frame.
@@ -55,7 +55,7 @@ pub struct CompressedRun {
     stored: bool,
 }
 
-/// Bytes that wait to be written.
+/// The bytes of a run, in memory or in a spill file.
 #[derive(Debug)]
 enum Held {
     InMemory(Vec<u8>),
@@ -63,7 +63,7 @@ enum Held {
 }
 
 impl CompressedRun {
-    /// Compresses a run of `frames`. Codes of don't-care nodes become at most `dont_care_max`.
+    /// Compresses a run of `frames`. Don't-care nodes get codes of at most `dont_care_max`.
     pub fn new(
         shape: FrameShape,
         frames: &[Frame],
@@ -79,12 +79,12 @@ impl CompressedRun {
         Ok(Self { bytes: Held::InMemory(bytes), length, checksum, stored })
     }
 
-    /// Bytes of the run.
+    /// Length of the run in bytes.
     pub fn length(&self) -> u64 {
         self.length.into()
     }
 
-    /// Lets the run's bytes wait in a file instead of in memory.
+    /// Moves the run's bytes from memory to a spill file.
     pub fn spill(&mut self, to: &Arc<Spill>) -> Result<()> {
         if let Held::InMemory(bytes) = &self.bytes {
             self.bytes = Held::Spilled(Arc::clone(to), to.append(bytes)?);
@@ -119,8 +119,7 @@ fn compress_sections(run: &RunBytes, level: i32) -> Result<Vec<u8>> {
     packed.map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
 }
 
-/// One zstd frame that states its length. Each section ends its block, so that the next has its own
-/// tables.
+/// One zstd frame that states its length. Each section starts a new zstd block with its own tables.
 fn pack(run: &RunBytes, level: i32, parameters: &[CParameter]) -> std::io::Result<Vec<u8>> {
     let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), level)?;
     parameters.iter().try_for_each(|&parameter| encoder.set_parameter(parameter))?;
@@ -145,7 +144,7 @@ impl EncodedAtlas {
         Ok(Self { frames_per_run: fits_u32(frames_per_run)?, runs })
     }
 
-    /// Bytes of all runs.
+    /// Length of all runs in bytes.
     pub fn bytes(&self) -> u64 {
         self.runs.iter().map(CompressedRun::length).sum()
     }
@@ -162,13 +161,13 @@ impl EncodedAtlas {
         decode(shape, encoding, frames, &chunk, &Place::File, 0, &mut budget)
     }
 
-    /// Calls `take` with the chunk's bytes, piece by piece.
+    /// Calls `take` with the bytes of the chunk, piece by piece.
     pub fn for_each_piece(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         take(&self.head()?)?;
         self.runs.iter().try_for_each(|run| take(&run.bytes()?))
     }
 
-    /// Length and CRC-32 of the chunk, from those of its runs.
+    /// Length and CRC-32 of the chunk, combined from those of its runs.
     pub fn length_and_checksum(&self) -> Result<(u64, u32)> {
         let head = self.head()?;
         let mut sum = crc32fast::Hasher::new();
@@ -191,7 +190,7 @@ impl EncodedAtlas {
     }
 }
 
-/// One zstd frame without a checksum, because the chunk has one.
+/// Compresses to one zstd frame, without a checksum because the chunk has one.
 pub fn compress(bytes: &[u8], level: i32) -> Result<Vec<u8>> {
     zstd::bulk::compress(bytes, level)
         .map_err(|error| Error::new(ErrorKind::Io(error), Place::File))
@@ -202,7 +201,7 @@ thread_local! {
     static DECOMPRESSOR: RefCell<Decompressor<'static>> = RefCell::default();
 }
 
-/// Inflates to exactly `length` bytes.
+/// Decompresses to exactly `length` bytes.
 pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>> {
     let wrong = |found: String| {
         Err(Error::malformed(place.clone(), found, format!("a zstd frame of {length} bytes")))
@@ -220,7 +219,7 @@ pub fn decompress(bytes: &[u8], length: usize, place: &Place) -> Result<Vec<u8>>
     }
 }
 
-/// Inflates a run, which states its length, of at most `max_bytes` bytes.
+/// Decompresses a run to the length that it states, at most `max_bytes` bytes.
 pub(super) fn decompress_run(bytes: &[u8], max_bytes: usize, place: &Place) -> Result<Vec<u8>> {
     let stated = zstd::zstd_safe::get_frame_content_size(bytes).ok().flatten();
     let stated = stated.and_then(|length| usize::try_from(length).ok());
@@ -297,7 +296,7 @@ struct Run<'a> {
     bytes: &'a [u8],
 }
 
-/// Finds the runs of a chunk and checks their lengths against the chunk's.
+/// Finds the runs of a chunk and checks their total length.
 fn split<'a>(frames: usize, chunk: &'a [u8], place: &Place, offset: u64) -> Result<Vec<Run<'a>>> {
     let mut reader = ByteReader::new(chunk, offset);
     let per_run = reader.u32()? as usize;

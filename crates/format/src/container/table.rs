@@ -1,15 +1,15 @@
-//! Tables of blocks: a byte for each block, or in files of nested boxes runs of equal blocks, since
-//! most of a large box is empty. `formats/mipvog.md`, section 5.
+//! Tables of blocks: one byte per block, or run-length coded in files with nested boxes, where most
+//! of a large box is empty. See `formats/mipvog.md`, section 5.
 
 use super::runs;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Budget;
 use crate::model::baked::{LevelMetadata, Occupancy, Table};
 
-/// Bits of a number of a run that hold an occupancy.
+/// Bits of a run's number that hold the occupancy.
 const ID_BITS: u32 = 2;
 
-/// A table in chunk form.
+/// Writes a table as a chunk.
 pub(super) fn to_bytes(table: &Table, in_runs: bool, zstd_level: i32) -> Result<Vec<u8>> {
     if !in_runs {
         let ids: Vec<u8> = table.occupancy().iter().map(|block| block.id()).collect();
@@ -23,10 +23,10 @@ pub(super) fn to_bytes(table: &Table, in_runs: bool, zstd_level: i32) -> Result<
     runs::compress(&bytes, zstd_level)
 }
 
-/// The table of a chunk.
+/// Reads the table of a chunk.
 ///
 /// # Errors
-/// `Malformed`, and `OverLimit` for more memory than `budget` allows.
+/// `Malformed`, and `OverLimit` if the table exceeds `budget`.
 pub(super) fn read(
     level: &LevelMetadata,
     in_runs: bool,
@@ -86,7 +86,7 @@ fn from_runs(mut bytes: &[u8], total: usize, place: &Place) -> Result<Vec<Occupa
     Err(Error::malformed(place.clone(), found, format!("all {total} blocks")))
 }
 
-/// Appends a number, 7 bits per byte, lowest first; a set top bit means that more follow.
+/// Appends a number, 7 bits per byte, lowest first. A set top bit means that more bytes follow.
 fn put_number(bytes: &mut Vec<u8>, mut number: u64) {
     while number >= 0x80 {
         bytes.push(low_bits(number) | 0x80);

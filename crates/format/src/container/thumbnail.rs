@@ -1,13 +1,13 @@
 //! The thumbnail: a small PNG picture of the scene, for file managers and asset libraries.
 //!
-//! Pixels are not decoded here; readers that show them bring their own decoder.
+//! Pixels are not decoded here: readers that show the picture use their own decoder.
 
 use super::layout::THUMBNAIL;
 use super::open::Container;
 use crate::base::error::{Error, Place, Result};
 use crate::base::finding::strict;
 
-/// Pixels along the longer side, at most.
+/// Maximum number of pixels along the longer side.
 pub const LARGEST_THUMBNAIL: usize = 1024;
 
 /// The start of a PNG file: its signature, and the length and the type of its header.
@@ -35,10 +35,10 @@ pub fn thumbnail_size(png: &[u8], place: &Place) -> Result<[usize; 2]> {
 }
 
 impl Container {
-    /// The thumbnail, a PNG file, if the container has one.
+    /// The thumbnail as a PNG file, if the container has one.
     ///
     /// # Errors
-    /// Damage, and bytes that are not a PNG file.
+    /// `Malformed` if the chunk is damaged or no PNG file.
     pub fn thumbnail(&self) -> Result<Option<Vec<u8>>> {
         let Some(entry) = self.entry(THUMBNAIL, None) else { return Ok(None) };
         self.in_file(self.chunk(entry, &mut strict).and_then(|bytes| {

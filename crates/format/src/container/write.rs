@@ -1,4 +1,4 @@
-//! A container from its parts, coarse to fine.
+//! Writes a container from its parts, coarse to fine.
 
 use super::json::to_canonical;
 use super::layout::{
@@ -18,7 +18,7 @@ use crate::model::baked::{GROUPS, Group, Metadata, Table};
 use crate::model::scene::{FreeSpace, Lookup};
 use crate::model::view_mlp::ViewMlp;
 
-/// A level as it is written.
+/// An encoded level.
 #[derive(Debug)]
 pub struct EncodedLevel {
     /// The indirection table.
@@ -30,15 +30,15 @@ pub struct EncodedLevel {
 /// An ancillary chunk that this version does not know.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OtherChunk {
-    /// Four letters.
+    /// Type of the chunk: four letters.
     pub kind: ChunkKind,
-    /// The level that it belongs to, if any; 0 is the finest.
+    /// Level that the chunk belongs to, if any; 0 is the finest.
     pub level: Option<u32>,
-    /// Its content.
+    /// Content of the chunk.
     pub bytes: Vec<u8>,
 }
 
-/// The container's parts beside the levels.
+/// All parts of a container except the levels.
 #[derive(Debug)]
 pub struct Head<'a> {
     /// Everything except bulk data.
@@ -53,7 +53,7 @@ pub struct Head<'a> {
     pub others: &'a [OtherChunk],
     /// Compression level of zstd.
     pub zstd_level: i32,
-    /// Limits that the metadata must keep.
+    /// Limits for the metadata.
     pub limits: &'a Limits,
 }
 
@@ -70,7 +70,7 @@ enum Content<'a> {
     Copied(&'a SourceFile, &'a Entry),
 }
 
-/// Bytes of a chunk that are copied at once.
+/// Number of bytes copied at once.
 const COPIED: u64 = 1 << 20;
 
 impl Content<'_> {
@@ -99,8 +99,8 @@ impl Content<'_> {
     }
 }
 
-/// Writes a container of these levels, finest first, and of shells after them, to `output` and
-/// returns its directory.
+/// Writes a container to `output` and returns its directory. `levels` are the levels, finest first,
+/// then the shells.
 pub fn write(
     head: &Head,
     levels: &[EncodedLevel],
@@ -110,7 +110,7 @@ pub fn write(
     write_chunks(&chunks(head, levels)?, head.metadata, output)
 }
 
-/// Writes a container again, with this thumbnail in place of its own. All other chunks are copied.
+/// Rewrites a container with this thumbnail instead of its own. All other chunks are copied.
 ///
 /// # Errors
 /// Errors of reading and writing, and a thumbnail that [`thumbnail_size`] refuses.
@@ -155,7 +155,7 @@ pub fn content_checksum_of(head: &Head, levels: &[EncodedLevel]) -> Result<u32> 
     Ok(content_checksum(&entries))
 }
 
-/// The entries of chunks in their order, and the bytes of the whole file.
+/// The directory entries in the order of the chunks, and the length of the file.
 fn directory(chunks: &[Chunk], metadata: &Metadata) -> Result<(Vec<Entry>, u64)> {
     let mut entries = Vec::with_capacity(chunks.len());
     let mut offset = HEADER_BYTES + ENTRY_BYTES * chunks.len() as u64;
@@ -172,8 +172,8 @@ fn directory(chunks: &[Chunk], metadata: &Metadata) -> Result<(Vec<Entry>, u64)>
     Ok((entries, offset))
 }
 
-/// Refuses everything that a reader would refuse, because values of inputs and options come
-/// together here.
+/// Refuses everything that a reader would refuse: values of inputs and options meet here for the
+/// first time.
 fn check(head: &Head) -> Result<()> {
     check_metadata(head.metadata, head.limits, &Place::File)?;
     let layers = head.view_mlp.iter().flat_map(|network| &network.layers);

@@ -1,4 +1,4 @@
-//! Options of a bake, as users state them.
+//! The options of a bake.
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -14,16 +14,16 @@ use crate::model::camera::{Camera, digest};
 use crate::model::field::Nonfinite;
 use crate::quantize::Bits;
 
-/// Default compression level of zstd: the highest that is not a bottleneck.
+/// Default compression level of zstd: the highest level that is not a bottleneck.
 pub(super) const DEFAULT_ZSTD_LEVEL: i32 = 1;
 
-/// Far more steps than any fit needs.
+/// Maximum number of steps, far more than any fit needs.
 const MAX_FIT_STEPS: usize = 100_000;
 
 /// Options of a bake.
 ///
-/// In serialized form, keys are the names of the fields, and missing keys have their defaults.
-/// Cameras and limits are not serialized.
+/// In serialized form, keys are the field names, and missing keys take their defaults. Cameras and
+/// limits are not serialized.
 ///
 /// ```
 /// use mipvog::{BakeOptions, Filter};
@@ -35,68 +35,69 @@ const MAX_FIT_STEPS: usize = 100_000;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BakeOptions {
-    /// Filter of coarser levels. Default: [`Filter::RateTent`], which looks right at a distance
+    /// Filter that makes the coarser levels. Default: [`Filter::RateTent`], made for distant views
     pub filter: SharedFilter,
-    /// Maximum number of levels. Default: down to 4 nodes along the longest axis
+    /// Maximum number of levels. Default: levels down to 4 nodes along the longest axis
     pub levels: Option<usize>,
     /// Bits per code. Default: 8
     pub bits: Bits,
-    /// Largest error of a decoded value at any retained node of any level: of opacity over one
-    /// interval, and of colours and features (0 to 1); from 1e-6 to 0.25. Each group of each level
-    /// gets the fewest bits that satisfy it; `bits` is ignored. Default: none, `bits` is used
+    /// Largest allowed error of a decoded value at any retained node of any level: of opacity over
+    /// one interval, and of colours and features from 0 to 1. The error ranges from 1e-6 to 0.25.
+    /// Each group of each level gets the fewest sufficient bits, and `bits` is ignored. Default:
+    /// none, `bits` is used
     pub max_error: Option<MaxErrors>,
-    /// Maximum size of the container in bytes. A bake finds the smallest errors with which it fits,
-    /// and drops the finest levels if nothing fits; `bits`, `max_error` and `nearby_coarseness` are
+    /// Maximum size of the container in bytes. A bake finds the smallest errors that fit. If none
+    /// fits, the finest levels are dropped. `bits`, `max_error` and `nearby_coarseness` are
     /// ignored. Default: unlimited
     pub max_bytes: Option<u64>,
-    /// Blocks whose opacity over one interval never exceeds this are dropped. Default: 1e-3
+    /// Blocks are dropped if their opacity over one interval never exceeds this. Default: 1e-3
     pub alpha_threshold: f32,
-    /// Nodes along a block's edge. Default: 8
+    /// Nodes along each edge of a block. Default: 8
     pub block_size: usize,
     /// Compression level of zstd, 1 to 22. Default: 1
     pub zstd_level: i32,
-    /// The rule that picks the level of a sample, instead of the filter's own. A fit finds its own
+    /// Rule that picks the level of a sample. Default: the filter's own; a fit finds its own
     pub lod_rule: Option<LevelRule>,
-    /// Factor on the slope of that rule. Default: 1
+    /// Factor on the slope of the rule that picks levels. Default: 1
     pub lod_scale: f32,
-    /// Maximum number of steps of a fit, for [`Filter::Fit`]; each step changes all levels.
-    /// Default: 130
+    /// Maximum number of steps of [`Filter::Fit`]; each step changes all levels. Default: 130
     pub fit_steps: usize,
-    /// Time limit of a fit in seconds; the result then depends on the machine. Default: unlimited
+    /// Time limit of a fit in seconds. With a limit, the result depends on the machine. Default:
+    /// unlimited
     pub fit_seconds: Option<f64>,
-    /// Cameras of the pictures that levels are fitted to. Default: none, for cameras on spheres
+    /// Cameras of the pictures that a fit uses. Default: none, a fit places cameras on spheres
     /// around the box
     #[serde(skip)]
     pub fit_cameras: Vec<Camera>,
-    /// Photographs by the [`fit_cameras`](Self::fit_cameras), to fit levels to. Default: none, for
-    /// pictures of level 0
+    /// Photographs from the [`fit_cameras`](Self::fit_cameras), the target of a fit. Default: none,
+    /// the target is pictures of level 0
     #[serde(skip)]
     pub photographs: Option<Photographs>,
-    /// Nodes that add less than this to every pixel of [`seen_from`](Self::seen_from) are dropped;
-    /// above 0 to 1. Default: none, all visible nodes are kept
+    /// Nodes are dropped if they add less than this to every pixel of
+    /// [`seen_from`](Self::seen_from); above 0 to 1. Default: none, all visible nodes are kept
     pub min_weight: Option<f32>,
     /// How far colours may move, in codes, at nodes of average weight in the pictures of
-    /// [`seen_from`](Self::seen_from); nodes of less weight may move further. 0 to 64. Default: 0
+    /// [`seen_from`](Self::seen_from). Nodes of less weight may move further. 0 to 64. Default: 0
     pub coarseness: f32,
     /// How far colours may move, in codes, at nodes of importance 1 to viewers in the empty space
-    /// around them ([`crate::levels::importance`]); less important nodes may move further. Used
-    /// only if `coarseness` is 0, `fill_error` is none and levels average alpha. 0 to 64. Default:
-    /// 0
+    /// around them ([`crate::levels::importance`]). Less important nodes may move further. Takes
+    /// effect only if `coarseness` is 0, `fill_error` is none and levels average alpha. 0 to 64.
+    /// Default: 0
     pub nearby_coarseness: f32,
-    /// Blocks inherit their colours from the next coarser level where that reproduces them to
-    /// within this error of colours and features (0 to 1), in addition to the error of codes. With
-    /// [`seen_from`](Self::seen_from), it applies at nodes of average importance, and is larger at
-    /// less important ones. Default: none, all colours are stored
+    /// A block inherits its colours from the next coarser level if that changes colours and
+    /// features by at most this, 0 to 1, in addition to the error of codes. With
+    /// [`seen_from`](Self::seen_from), the error applies at nodes of average importance and is
+    /// larger at less important ones. Default: none, all colours are stored
     pub fill_error: Option<f32>,
-    /// The cameras of `min_weight` and `coarseness`
+    /// Cameras of `min_weight` and `coarseness`. Default: none
     #[serde(skip)]
     pub seen_from: Vec<Camera>,
-    /// Memory limit in bytes; the result does not depend on it. Default: unlimited
+    /// Memory limit in bytes. The result does not depend on it. Default: unlimited
     pub memory: Option<u64>,
     /// Treatment of values that are not finite. Default: refuse
     pub nonfinite: Nonfinite,
-    /// Limits on sizes and memory; the result does not depend on them. Default: those for untrusted
-    /// files
+    /// Limits on sizes and memory. The result does not depend on them. Default: the limits for
+    /// untrusted files
     #[serde(skip)]
     pub limits: Limits,
 }
@@ -152,15 +153,14 @@ impl BakeOptions {
         self
     }
 
-    /// Sets an error that the fewest sufficient bits satisfy: one number for all groups, or one for
-    /// each.
+    /// Sets the largest allowed error: one number for all groups, or one per group.
     #[must_use]
     pub fn with_max_error(mut self, max_error: impl Into<MaxErrors>) -> Self {
         self.max_error = Some(max_error.into());
         self
     }
 
-    /// The options that a container was made with, as its metadata and provenance state them.
+    /// The options that made a container, from its metadata and provenance.
     pub fn of_container(metadata: &Metadata, provenance: &serde_json::Value) -> Self {
         let mut options = Self::default();
         options.filter =
@@ -183,7 +183,7 @@ impl BakeOptions {
         self.min_weight.is_some() || self.coarseness > 0.0
     }
 
-    /// True if the result depends on the importance of nodes to viewers nearby.
+    /// True if the result depends on the importance of nodes to nearby viewers.
     pub(super) fn is_seen_nearby(&self) -> bool {
         let is_moved = match self.max_bytes {
             Some(_) => true,
@@ -193,24 +193,24 @@ impl BakeOptions {
         self.coarseness == 0.0 && self.fill_error.is_none() && is_moved
     }
 
-    /// True if every value of a stored block is kept exactly, also of nodes that nobody sees.
+    /// True if every value of a stored block is kept exactly, even at invisible nodes.
     pub(super) fn keeps_blocks(&self) -> bool {
         self.bits == Bits::F32 && self.max_error.is_none() && self.max_bytes.is_none()
     }
 
-    /// True if a bake holds a whole level at once, so that no bound on memory is kept.
+    /// True if a bake holds a whole level at once, so no memory bound applies.
     pub(super) fn holds_level(&self) -> bool {
         self.filter.is_fitted() || self.sees() || self.fill_error.is_some()
     }
 
-    /// The rule that says which level a sample reads.
+    /// The rule that picks the level of a sample.
     pub(super) fn level_of_detail(&self) -> LevelOfDetail {
         let own = self.filter.rule();
         let rule = self.lod_rule.map_or(own, |rule| rule.applied_to(own));
         rule.scaled(self.lod_scale)
     }
 
-    /// Checks that every option is in range and none contradicts another.
+    /// Checks that all options are in range and consistent.
     ///
     /// # Errors
     ///
@@ -274,7 +274,7 @@ impl BakeOptions {
         self.max_error.map_or(Ok(()), |max_error| max_error.check())
     }
 
-    /// Options as provenance and reports name them.
+    /// The options as JSON, with the keys of provenance and reports.
     pub fn to_json(&self) -> serde_json::Value {
         let mut options = json!({
             "filter": self.filter.name(),
@@ -326,7 +326,7 @@ impl BakeOptions {
     }
 }
 
-/// Given cameras by their number and their digest.
+/// The number of cameras and their digest.
 fn cameras_json(cameras: &[Camera]) -> serde_json::Value {
     match cameras.len() {
         0 => serde_json::Value::Null,

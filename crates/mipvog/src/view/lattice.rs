@@ -1,23 +1,23 @@
-//! Regular lattices of points over a field's box: nodes of a level and points between them, or
-//! cubes of one size.
+//! Regular lattices of points over a field's box: the nodes of a level and points between them, or
+//! the corners of equal cubes.
 
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, LimitName, Limits};
 use crate::model::grid::{Bounds, Nodes};
 
-/// Points in rows along the axes of the world.
+/// An axis-aligned lattice of points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
-    /// Places of points along each axis, in shares of the field's box.
+    /// Positions of the points along each axis, as fractions of the field's box.
     shares: [Vec<f64>; 3],
     /// World position of the first point.
     pub first: [f64; 3],
-    /// Distance of neighbours along each axis, in world units.
+    /// Distance between neighbours along each axis, in world units.
     pub spacing: [f64; 3],
 }
 
 impl Lattice {
-    /// The nodes of a level that spans a box, and between two of them `factor - 1` more points.
+    /// The nodes of a level that spans a box, with `factor - 1` more points between neighbours.
     ///
     /// # Errors
     ///
@@ -43,8 +43,8 @@ impl Lattice {
         Ok(Self { shares, first: bounds.min.map(f64::from), spacing })
     }
 
-    /// Corners of cubes, `count` of them along the longest axis of a box; the last cubes may
-    /// overhang it.
+    /// The corners of equal cubes, `count` along the longest axis of a box. The last cubes may
+    /// extend beyond the box.
     ///
     /// # Errors
     ///
@@ -63,26 +63,26 @@ impl Lattice {
         Ok(Self { shares, first: bounds.min.map(f64::from), spacing: [edge; 3] })
     }
 
-    /// Points along each axis.
+    /// Number of points along each axis.
     pub fn counts(&self) -> [usize; 3] {
         [0, 1, 2].map(|axis| self.shares[axis].len())
     }
 
-    /// The place of a point in shares of the box, from 0; above 1 outside.
+    /// The position of a point as fractions of the box, from 0; above 1 outside.
     pub fn share(&self, at: [usize; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.shares[axis][at[axis]])
     }
 
-    /// The place of a point in the world.
+    /// The position of a point in world units.
     pub fn world(&self, at: [usize; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| self.first[axis] + at[axis] as f64 * self.spacing[axis])
     }
 
-    /// Keeps the points in a box, at least two along each axis.
+    /// Keeps only the points in a box.
     ///
     /// # Errors
     ///
-    /// A box with fewer points.
+    /// A box with fewer than two points along an axis.
     pub fn crop(&mut self, crop: &Bounds) -> Result<()> {
         for axis in 0..3 {
             let [low, high] = [crop.min[axis], crop.max[axis]].map(f64::from);
@@ -104,7 +104,7 @@ impl Lattice {
         Ok(())
     }
 
-    /// The world's box around all points.
+    /// The box around all points, in world units.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         let counts = self.counts();
         let last = |axis: usize| self.first[axis] + (counts[axis] - 1) as f64 * self.spacing[axis];

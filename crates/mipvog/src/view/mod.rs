@@ -1,4 +1,4 @@
-//! Rays and pictures: values between nodes, the reference renderer, distances of pictures, views of
+//! Rays and pictures: values between nodes, the reference renderer, errors of pictures, views of
 //! the whole scene, regular lattices of points.
 
 pub mod compare;

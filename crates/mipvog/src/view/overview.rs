@@ -1,11 +1,11 @@
-//! A camera for a scene without one; the visible scene fills its picture.
+//! A camera for a scene without cameras. The visible scene fills its picture.
 //!
-//! Small pictures from around the box give points of the scene's surface. The camera looks from the
-//! front right and above at the middle of these points in its picture, from just far enough to show
-//! all of them.
+//! Small pictures from around the box give points on the scene's surface. The camera looks from the
+//! front right and above. It centres these points in its picture, and is just far enough away to
+//! show all of them.
 //!
-//! For a world, the camera is inside: at the place in the middle half of the innermost box that is
-//! farthest from all surfaces, looking at the box's middle.
+//! For a world, the camera is inside: in the middle half of the innermost box, at the position
+//! farthest from all surfaces, and looks at the centre of that box.
 
 use glam::DVec3;
 
@@ -17,33 +17,33 @@ use crate::base::progress::Progress;
 use crate::model::camera::{Camera, Lens, Orbit, Ray, direction, sphere};
 use crate::model::trained_model::RayColor;
 
-/// Small pictures, on a circle around the box.
+/// Number of small pictures, on a circle around the box.
 const LOOKS: usize = 6;
 /// Pixels along a side of a small picture.
 const SIDE: usize = 72;
-/// Opacity from which a pixel shows something.
+/// A pixel of at least this opacity shows the surface.
 const SHOWS: f32 = 0.5;
-/// Share of the points that may lie outside on each side, so that single floaters do not move the
-/// camera.
+/// Share of the points that may lie outside the picture on each side, so single floaters do not
+/// move the camera.
 const OUTSIDE: f64 = 0.0005;
-/// Share of the picture that is left empty around the scene.
+/// Share of the picture that stays empty around the scene.
 const MARGIN: f64 = 0.08;
 /// Angle of the view from x towards y, in radians: in training scenes the front looks along -y.
 const AROUND: f64 = -0.96;
 /// Angle of the view above the horizon, in radians.
 const UP: f64 = 0.42;
-/// Candidate places along each axis for a camera inside a world.
+/// Number of candidate positions along each axis for a camera inside a world.
 const PLACES: usize = 4;
-/// Minimum distance of other places inside a world from all surfaces, relative to the farthest
-/// place.
+/// Minimum distance of further positions inside a world from all surfaces, relative to that of the
+/// best position.
 const NEARLY_AS_FREE: f64 = 0.3;
 /// Angle of the view inside a world, in radians.
 pub const INSIDE_ANGLE: f64 = 1.2;
 
-/// The camera, with a picture of `size` pixels.
+/// A camera for a picture of `size` pixels that shows the whole scene.
 ///
 /// # Errors
-/// Errors of rendering: rules that cannot be rendered, and `Cancelled`.
+/// Rules that cannot be rendered, and `Cancelled`.
 pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result<Camera> {
     if !field.view().boxes.is_empty() {
         return inside(field, size, progress);
@@ -64,7 +64,7 @@ pub fn overview(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> 
     Ok(if points.is_empty() { whole } else { closest(&whole, &points) })
 }
 
-/// A PNG of `size` pixels from [`overview`], four rays per pixel, over the background.
+/// A PNG from the camera of [`overview`]: `size` pixels, four rays per pixel, over the background.
 ///
 /// # Errors
 /// As [`overview`].
@@ -92,7 +92,7 @@ fn inside(field: &Renderer, size: [usize; 2], progress: &dyn Progress) -> Result
     Ok(Camera::looking_at(eye - away, away, 1.0, name(), lens))
 }
 
-/// `count` cameras inside a world, at the place of [`overview`], looking around the horizon.
+/// `count` cameras inside a world, at the position of [`overview`], that look around the horizon.
 ///
 /// # Errors
 /// As [`overview`].
@@ -111,9 +111,9 @@ pub fn panorama(
     Ok((0..count).map(camera).collect())
 }
 
-/// The places in the middle half of the innermost box that are farthest from all surfaces, at least
-/// one and at most `most`: the farthest first, then others that are not much nearer. The outer half
-/// is excluded because most scenes have no cameras there.
+/// The positions in the middle half of the innermost box that are farthest from all surfaces: at
+/// least one and at most `most`, the farthest first, then others that are not much closer. The
+/// outer half is excluded because most scenes have no cameras there.
 ///
 /// # Errors
 /// Errors of rendering, and `Cancelled`.
@@ -158,7 +158,7 @@ fn name() -> String {
     "view".to_owned()
 }
 
-/// The places that the opaque pixels of a picture show.
+/// The surface points that the opaque pixels of a picture show.
 fn surface(camera: &Camera, frame: &Frame, far: Option<f32>, points: &mut Vec<DVec3>) {
     for pixel in 0..frame.width * frame.height {
         let left = frame.transmittance[pixel];
@@ -174,7 +174,7 @@ fn surface(camera: &Camera, frame: &Frame, far: Option<f32>, points: &mut Vec<DV
     }
 }
 
-/// A camera with the same rotation and lens, whose picture the points just fill.
+/// The closest camera with the same rotation and lens that shows all points.
 fn closest(camera: &Camera, points: &[DVec3]) -> Camera {
     let [right, up, back] = [0, 1, 2].map(|axis| camera.to_world.col(axis).truncate());
     let lens = &camera.lens;
@@ -200,7 +200,7 @@ fn closest(camera: &Camera, points: &[DVec3]) -> Camera {
     closest
 }
 
-/// The quantile that all but a few numbers do not exceed.
+/// The quantile that only the share [`OUTSIDE`] of the numbers exceeds.
 fn quantile(mut numbers: Vec<f64>) -> f64 {
     let index = ((1.0 - OUTSIDE) * (numbers.len() - 1) as f64).round() as usize;
     numbers.sort_by(f64::total_cmp);

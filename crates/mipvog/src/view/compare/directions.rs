@@ -1,6 +1,6 @@
-//! Visible colours along directions, compared with those of the original model.
+//! Compares visible colours along directions with those of the original model.
 //!
-//! Rays start at given eyes. A sample is weighted by its share of its ray's light, so the figures
+//! Rays start at given eyes. Each sample is weighted by its share of the ray's light, so the errors
 //! describe pictures, not the inside of walls.
 
 use glam::DVec3;
@@ -14,25 +14,25 @@ use crate::model::ray_march::{Next, Steps, ZeroGuard, crossing, point_at};
 use crate::model::view_dependence::ViewDependence;
 use crate::view::render::Renderer;
 
-/// Rays in all.
+/// Total number of rays.
 const RAYS: usize = 4096;
-/// Rays that a thread takes at once.
+/// Number of rays per task of a thread.
 const CHUNK: usize = 64;
-/// Samples of a smaller weight are left out.
+/// Samples of less than this weight are ignored.
 const LEAST_WEIGHT: f64 = 1e-3;
 /// Transmittance at which a ray ends.
 const OPAQUE: f64 = 1e-3;
-/// The powers of this number give an evenly spread sequence in three dimensions.
+/// The powers of this number give a low-discrepancy sequence in three dimensions.
 const SPREAD: f64 = 1.220_744_084_605_759_5;
 
-/// Colours along directions.
+/// Errors of colours along directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectionErrors {
-    /// PSNR of colours, clamped to 0 to 1, in dB; infinite if they are equal. `None` if no ray met
-    /// a visible sample.
+    /// PSNR in dB of colours clamped to 0 to 1; infinite if they are equal. `None` if no ray met a
+    /// visible sample.
     pub psnr: Option<f64>,
-    /// Share of the samples' weight with a channel that is clamped at 0. `None` if colours are not
-    /// clamped this way, or without samples.
+    /// Share of the samples' weight that has a channel clamped at 0. `None` if colours are not
+    /// clamped this way, or if there is no sample.
     pub clamped_share: Option<f64>,
 }
 
@@ -49,7 +49,7 @@ struct Sums {
 ///
 /// # Errors
 ///
-/// Those of [`Renderer::sample`], and a request to stop.
+/// As [`Renderer::sample`], and `Cancelled`.
 pub fn compare_directions(
     reference: &Renderer,
     baked: &Renderer,

@@ -1,23 +1,23 @@
-//! Figures for the distance of two pictures whose values are 0 to 1.
+//! Error metrics for two pictures with values from 0 to 1.
 
 use crate::base::parallel;
 use crate::picture::box_means;
 
-/// Values of pixels, rows from the top.
+/// A picture, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Pixels along a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Colour over the background.
     pub color: Vec<[f32; 3]>,
-    /// The same without view-dependent colour, if known.
+    /// Colour without its view-dependent part, if known.
     pub diffuse: Option<Vec<[f32; 3]>>,
     /// Opacity, if known.
     pub opacity: Option<Vec<f32>>,
-    /// The mean level of a field's samples, weighted by their share of the picture; none for blank
-    /// pictures and photographs.
+    /// Mean level of the samples, weighted by their share of the picture. `None` for blank pictures
+    /// and photographs.
     pub level: Option<f64>,
 }
 
@@ -28,35 +28,36 @@ impl Picture {
     }
 }
 
-/// The PSNR of identical pictures; a mean square error below 1e-20 counts as 0.
+/// The PSNR of identical pictures. A mean squared error below 1e-20 counts as 0.
 const HIGHEST_PSNR: f64 = 200.0;
 /// Standard deviation of the window of structural similarity, in pixels.
 const WINDOW_DEVIATION: f64 = 1.5;
-/// Pixels to each side of the window's middle.
+/// Radius of the window in pixels, without the centre.
 const WINDOW_RADIUS: usize = 5;
-/// Steps of the histogram of errors from 0 to 1.
+/// Number of bins of the histogram of errors from 0 to 1.
 const BINS: usize = 1 << 16;
 
-/// The sum of the squares of all differences.
+/// The sum of all squared differences.
 pub fn square_error(want: &[f32], got: &[f32]) -> f64 {
     let pairs = want.iter().zip(got);
     pairs.map(|(want, got)| (f64::from(*want) - f64::from(*got)).powi(2)).sum()
 }
 
-/// `-10 log10(mean square error)`, in dB, of the sum of this many squares.
+/// PSNR in dB, `-10 log10(mean squared error)`, from the sum of `count` squared errors.
 pub fn psnr_of(square_error: f64, count: usize) -> f64 {
     let mean = square_error / count.max(1) as f64;
     if mean < 1e-20 { HIGHEST_PSNR } else { -10.0 * libm::log10(mean) }
 }
 
-/// `-10 log10(mean square error)`, in dB.
+/// PSNR in dB, `-10 log10(mean squared error)`.
 pub fn psnr(want: &[f32], got: &[f32]) -> f64 {
     psnr_of(square_error(want, got), want.len())
 }
 
-/// Structural similarity (Wang et al. 2004): gaussian window of 11 x 11 pixels and deviation 1.5,
-/// population covariance, constants 0.01 and 0.03 of a range of 1; the mean over the channels and
-/// over the pixels whose window lies inside the picture. None if there are none.
+/// Structural similarity (Wang et al. 2004): Gaussian window of 11 x 11 pixels with standard
+/// deviation 1.5, population covariance, constants 0.01 and 0.03, data range 1. The result is the
+/// mean over the channels and over the pixels whose window lies inside the picture. `None` if there
+/// is no such pixel.
 pub fn ssim(want: &Picture, got: &Picture) -> Option<f64> {
     let (width, height) = (want.width, want.height);
     let window = 2 * WINDOW_RADIUS + 1;
@@ -87,7 +88,7 @@ fn channel_ssim(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
     (0..mean_a.len()).map(similarity).sum::<f64>() / mean_a.len() as f64
 }
 
-/// The window's weighted means, of the pixels whose window lies inside.
+/// The window's weighted mean, at each pixel whose window lies inside the picture.
 fn blurred(values: &[f64], width: usize, height: usize) -> Vec<f64> {
     let falloff = |at: usize| {
         let distance = (at as f64 - WINDOW_RADIUS as f64) / WINDOW_DEVIATION;
@@ -127,7 +128,7 @@ impl Default for Errors {
 }
 
 impl Errors {
-    /// Counts the differences of two lists.
+    /// Adds the differences of two lists.
     pub fn add(&mut self, want: &[f32], got: &[f32]) {
         for (want, got) in want.iter().zip(got) {
             let error = (f64::from(*want) - f64::from(*got)).abs().min(1.0);
@@ -157,13 +158,14 @@ impl Errors {
 }
 
 impl Picture {
-    /// Memory of its values.
+    /// Memory of the pixels in bytes.
     pub fn bytes(&self) -> u64 {
         let colors = self.color.len() + self.diffuse.as_ref().map_or(0, Vec::len);
         (12 * colors + 4 * self.opacity.as_ref().map_or(0, Vec::len)) as u64
     }
 
-    /// The mean of `scale` by `scale` pixels; the remainder at the right and below is dropped.
+    /// Averages squares of `scale` by `scale` pixels. The remainder at the right and bottom is
+    /// dropped.
     #[must_use]
     pub fn downsampled(&self, scale: usize) -> Self {
         let size = [self.width, self.height];

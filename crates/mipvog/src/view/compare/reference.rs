@@ -1,4 +1,4 @@
-//! Reference pictures: another field's, or photographs.
+//! Reference pictures: renderings of another field, or photographs.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,13 +15,13 @@ use crate::view::render::{Frame, FrameOptions, Renderer, render};
 pub enum Reference {
     /// Rendered from a field.
     Field(Box<Renderer>),
-    /// Files in a folder, at the paths or by the names of the camera file's frames.
+    /// Files in a folder, found by the path or the name of each frame in the camera file.
     Pictures {
         /// The folder.
         folder: PathBuf,
         /// Colour behind transparent pixels.
         background: [f32; 3],
-        /// Bounds on the size of a picture.
+        /// Limits on the size of a picture.
         limits: Limits,
     },
 }
@@ -78,7 +78,7 @@ impl Picture {
     }
 }
 
-/// The mean level of samples, by their share of the picture.
+/// The mean level of the samples, weighted by their share of the picture.
 fn mean_level(frame: &Frame) -> Option<f64> {
     let pixels = frame.level.iter().zip(&frame.transmittance);
     let sums = pixels.fold([0.0; 2], |[levels, weights], (level, left)| {
@@ -89,11 +89,11 @@ fn mean_level(frame: &Frame) -> Option<f64> {
     (weights > 0.0).then(|| levels / weights)
 }
 
-/// A camera's photograph and the camera itself, box-downsampled to the smallest size with at least
-/// `longest` pixels along the longer side. Transparent pixels show `background`.
+/// A camera's photograph, and the camera for its size. The photograph is box-downsampled to the
+/// smallest size with at least `longest` pixels along the longer side. Transparent pixels show
+/// `background`.
 ///
-/// # Errors
-/// A picture that is missing, cannot be read, or exceeds the memory of `limits`.
+/// # Errors A picture that is missing or unreadable, or exceeds the memory of `limits`.
 pub fn photograph(
     folder: &Path,
     camera: &Camera,
@@ -156,7 +156,7 @@ fn read_photograph(path: &Path, background: [f32; 3], limits: &Limits) -> Result
     })
 }
 
-/// A camera's photograph: by the path of the camera file, or by its name in the folder.
+/// The file of a camera's photograph: at the path in the camera file, or by name in the folder.
 ///
 /// # Errors
 /// A missing picture.
@@ -171,7 +171,7 @@ pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
     })
 }
 
-/// Detects a photograph that two cameras with different pictures share, as in a folder with only
+/// Finds a photograph that two different cameras share, as in a folder with the pictures of only
 /// one of two rigs.
 pub fn shared_photograph(folder: &Path, cameras: &[Camera]) -> Option<String> {
     let mut taken: BTreeMap<PathBuf, &Camera> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! Reference pictures of all cameras at all scales.
+//! The reference pictures of all cameras at all scales.
 
 use super::metrics::Picture;
 use super::reference::Reference;
@@ -8,7 +8,7 @@ use crate::base::progress::Progress;
 use crate::model::camera::Camera;
 use crate::view::render::{FrameOptions, LevelChoice, Renderer, tiles};
 
-/// The reference pictures that fields are compared with. Pictures are made on first use.
+/// The reference pictures of a comparison. Pictures are made on first use.
 pub struct References<'a> {
     reference: &'a Reference,
     cameras: &'a [Camera],
@@ -16,18 +16,18 @@ pub struct References<'a> {
     supersample: usize,
     /// True if the reference is rendered at each scale, like the field.
     alike: bool,
-    /// The levels that samples read.
+    /// The level that samples read.
     levels: LevelChoice,
     /// Each camera's pictures, one per scale, if they are cached.
     kept: Vec<Option<Vec<Picture>>>,
-    /// For each camera, true if the memory of its pictures is already counted.
+    /// For each camera, true if the budget already counts its pictures.
     paid: Vec<bool>,
     /// Memory for cached pictures; none disables the cache.
     budget: Option<Budget>,
 }
 
 impl<'a> References<'a> {
-    /// Without a cache: pictures are dropped after each comparison.
+    /// Makes references without a cache: pictures are dropped after each comparison.
     pub fn new(
         reference: &'a Reference,
         cameras: &'a [Camera],
@@ -41,21 +41,21 @@ impl<'a> References<'a> {
         Self { reference, cameras, scales, supersample, alike, levels, kept, paid, budget }
     }
 
-    /// Samples of both sides read these levels, if they are fields.
+    /// Sets the level that samples read, on both sides if the reference is a field.
     #[must_use]
     pub fn with_levels(self, levels: LevelChoice) -> Self {
         Self { levels, ..self }
     }
 
-    /// Renders both sides alike at each scale, instead of averaging the reference's full pictures.
-    /// Errors are then the difference of the fields alone. The reference must be a field.
+    /// Renders both sides at each scale, instead of averaging the reference's full-size pictures.
+    /// Errors then measure only the difference between the fields. The reference must be a field.
     #[must_use]
     pub fn alike(self) -> Self {
         Self { alike: true, ..self }
     }
 
-    /// Caches pictures for the next field within the memory of `limits`; pictures beyond it are
-    /// made again each time.
+    /// Caches pictures for the next field within the memory of `limits`. Pictures beyond this
+    /// memory are made again each time.
     #[must_use]
     pub fn keep(self, limits: &Limits) -> Self {
         Self { budget: Some(Budget::new(limits)), ..self }
@@ -113,7 +113,7 @@ impl<'a> References<'a> {
         if self.alike { self.supersample } else { 1 }
     }
 
-    /// Units of `Step::Render` in the next comparison.
+    /// Units of `Step::Render` for the next comparison.
     pub fn work(&self) -> u64 {
         let reference = |camera: &Camera| match self.reference {
             Reference::Pictures { .. } => 0,
@@ -124,7 +124,7 @@ impl<'a> References<'a> {
         made.map(|(camera, _)| reference(camera)).sum::<u64>() + self.field_work()
     }
 
-    /// The units among them that render the field, not the reference.
+    /// The units of [`Self::work`] for rendering the field.
     pub fn field_work(&self) -> u64 {
         self.cameras.iter().map(|camera| self.at_scales(camera)).sum()
     }
@@ -134,7 +134,7 @@ impl<'a> References<'a> {
         self.scales.iter().map(|&scale| tiles(&camera.lens.shrunk(scale), supersample)).sum()
     }
 
-    /// Hands back the pictures of [`Self::take`].
+    /// Returns the pictures of [`Self::take`] to the cache.
     pub(super) fn put_back(&mut self, number: usize, pictures: Vec<Picture>) {
         if self.paid[number] {
             self.kept[number] = Some(pictures);

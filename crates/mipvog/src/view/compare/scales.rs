@@ -68,7 +68,7 @@ pub fn compare(
 
 impl References<'_> {
     /// Compares `field` with the reference from all cameras at all scales; `visit` gets each frame.
-    /// All of it is one [`Step::Render`].
+    /// The whole comparison is one [`Step::Render`].
     pub fn compare(
         &mut self,
         field: &Renderer,
@@ -103,9 +103,9 @@ struct Sums {
     diffuse: Option<f64>,
     opacity: Option<f64>,
     errors: Errors,
-    /// The squares of all differences, and their number.
+    /// Sum and number of the squared differences.
     squares: (f64, usize),
-    /// Levels of frames that show something, and their number.
+    /// Sum of the mean levels, and number, of frames that are not blank.
     levels: (f64, usize),
     blank: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! Converts interpolated values of a sample to its colour.
+//! Converts the interpolated values of a sample to its colour.
 
 use crate::model::activate::lanes;
 use crate::model::directional::{DIRECTIONAL, added_logit};
@@ -8,7 +8,7 @@ use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::View;
 use crate::view::sample::brightness;
 
-/// The colours of samples along rays of one direction.
+/// The rule for the colours of samples, for rays of one direction.
 #[derive(Debug, Clone, Copy)]
 pub enum ColorRule<'a> {
     /// Values are logits.
@@ -23,7 +23,7 @@ pub enum ColorRule<'a> {
 }
 
 impl<'a> ColorRule<'a> {
-    /// For rays with this unit direction.
+    /// The rule for rays with this unit direction.
     pub fn of(view: &'a View, direction: [f64; 3]) -> Self {
         match (&view.view_dependence, view.color_domain) {
             (Some(ViewDependence::Harmonics(rules)), _) => Self::Harmonics(rules, basis(direction)),
@@ -35,7 +35,7 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// Turns interpolated values into colours and features.
+    /// Converts interpolated values to colours and features.
     #[inline(always)]
     pub fn activate<const C: usize>(&self, color: &mut [f32; C]) {
         match self {
@@ -63,7 +63,7 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// The derivative by a ray's sums, given the derivative `by_color` by its clamped colour.
+    /// Converts `by_color`, the derivative by a ray's clamped colour, into that by its sums.
     pub fn by_sums<const C: usize>(&self, color: &[f32; C], by_color: &mut [f32; C]) {
         if let Self::Harmonics(rules, _) = self
             && rules.evaluation == Evaluation::Ray
@@ -74,8 +74,8 @@ impl<'a> ColorRule<'a> {
         }
     }
 
-    /// The derivative by interpolated values, given the derivative `by_color` by their `activated`
-    /// colours.
+    /// Converts `by_color`, the derivative by the `activated` colours, to the derivative by the
+    /// interpolated values.
     #[inline(always)]
     pub fn by_values<const C: usize>(&self, activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
         match self {
@@ -104,7 +104,7 @@ impl<'a> ColorRule<'a> {
     }
 }
 
-/// The derivative by logits, given the derivative `by_color` by their `activated` values.
+/// Converts `by_color`, the derivative by the `activated` values, to the derivative by the logits.
 #[inline(always)]
 fn by_logits<const C: usize>(activated: &[f32; C], by_color: &[f32; C]) -> [f32; C] {
     std::array::from_fn(|lane| by_color[lane] * activated[lane] * (1.0 - activated[lane]))

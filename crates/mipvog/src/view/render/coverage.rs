@@ -1,20 +1,20 @@
-//! The part of a field that given cameras see, and the importance of each node for their pictures.
+//! The part of a field that cameras see, and the importance of each node in their pictures.
 //!
 //! A sample's weight is its opacity times the transmittance before it, as in compositing.
 //!
 //! **Rays.** One ray goes through every point of a lattice over the box's rectangle in the picture.
-//! At the depth of the box's farthest corner, the lattice's points are at most one node spacing
-//! apart. The eight cells around a node hold a ball whose radius is the spacing of nodes, and the
-//! ball's picture holds a disc: some ray has a chord of at least a step through it. So every node
-//! in front of the camera has a sample in an adjacent cell, whatever the lens, the distance and the
-//! size of the pictures. The number of rays is bounded ([`MAX_RAYS_A_CELL`]); lenses wider than a
-//! right angle can miss nodes far away.
+//! At the depth of the box's farthest corner, the points of the lattice are at most one node
+//! spacing apart. The eight cells around a node contain a ball whose radius is the node spacing.
+//! The ball's projection contains a disc, so some ray crosses the ball along a chord of at least
+//! one step. Every node in front of the camera thus has a sample in an adjacent cell, for any lens,
+//! distance and picture size. The number of rays is bounded ([`MAX_RAYS_A_CELL`]), so lenses wider
+//! than a right angle can miss distant nodes.
 //!
-//! **Importance.** An error `e` of a node's colour moves a ray's colour by `e` times the sum, over
-//! the ray's samples, of the weight times the node's trilinear share. In fog, a single node has
-//! hardly any weight, but errors along a ray are similar. So a ray adds that sum times the sum of
-//! all its weights to each node: the node's share of the squared error if all nodes of the ray have
-//! the same error. Every ray is weighted by its share of the camera's picture, so that all cameras
+//! **Importance.** An error `e` in a node's colour changes a ray's colour by `e` times a sum over
+//! the ray's samples: the sample's weight times the node's trilinear weight. In fog, a single node
+//! has hardly any weight, but errors along a ray are similar. So a ray adds to each node that sum
+//! times the sum of all its weights: the node's share of the squared error if all nodes of the ray
+//! have the same error. Every ray is weighted by its share of the camera's picture, so all cameras
 //! count equally.
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -37,19 +37,19 @@ use crate::view::sample::optical_depth;
 /// Maximum rays along each side of a camera's lattice per cell of the box's longest edge, for the
 /// closest cells.
 const MAX_RAYS_A_CELL: f64 = 8.0;
-/// Maximum sum of one node over all cameras: a quarter of the 64-bit range, which leaves room for
-/// rounding up.
+/// Maximum sum of one node over all cameras: a quarter of the 64-bit range, which leaves headroom
+/// for rounding up.
 const MAX_SUM: f64 = (1u64 << 62) as f64;
-/// Cameras that are traced at once, each with its own mask.
+/// Number of cameras traced at once, each with its own mask.
 const BATCH: usize = 8;
 
 /// The part of level 0 that cameras see.
 #[derive(Debug)]
 pub struct CameraCoverage {
-    /// The cells in which a ray has a sample of enough weight.
+    /// The cells that contain a sample of sufficient weight.
     pub cells: CellMask,
-    /// The importance of each node, z fastest, in units of the mean of the values above 0; 0 if no
-    /// ray hits anything there.
+    /// The importance of each node, z fastest, relative to the mean of the values above 0; 0 if no
+    /// ray hits the node.
     pub importance: Vec<f32>,
 }
 
@@ -89,7 +89,7 @@ pub fn camera_coverage(
     Ok(CameraCoverage { cells, importance: relative(&sums) })
 }
 
-/// Sums in units of the mean of the sums that are not zero.
+/// The sums relative to the mean of those above 0.
 fn relative(sums: &[AtomicU64]) -> Vec<f32> {
     let sums = || sums.iter().map(|sum| sum.load(Ordering::Relaxed));
     let count = sums().filter(|&sum| sum > 0).count();
@@ -97,9 +97,9 @@ fn relative(sums: &[AtomicU64]) -> Vec<f32> {
     sums().map(|sum| (sum as f64 / mean.max(f64::MIN_POSITIVE)) as f32).collect()
 }
 
-/// The points of a camera's picture with a ray.
+/// The lattice of rays in a camera's picture.
 struct Lattice {
-    /// The camera, with a picture of one pixel for each point.
+    /// The camera, with one pixel per point of the lattice.
     camera: Camera,
     /// First and end column, first and end row of the box's rectangle.
     columns: [usize; 2],
@@ -167,7 +167,7 @@ impl Lattice {
         Some(Self { camera: Camera { lens, ..camera.clone() }, columns, rows })
     }
 
-    /// Points of the whole picture, which the box's rectangle is a part of.
+    /// Number of points in the whole picture, of which the box's rectangle is a part.
     fn points_of_picture(&self) -> f64 {
         self.camera.lens.width as f64 * self.camera.lens.height as f64
     }
@@ -180,10 +180,10 @@ impl Lattice {
     }
 }
 
-/// A sample that lies in a cell.
+/// A sample in a cell.
 struct Weighted {
     cell: [usize; 3],
-    /// Shares of the cell's upper corners along each axis.
+    /// Interpolation weights of the cell's upper corners along each axis.
     shares: [f32; 3],
     weight: f32,
 }
@@ -243,7 +243,7 @@ fn follow<const C: usize>(
     Ok(())
 }
 
-/// The cell of a position, and the shares of its upper corners along each axis.
+/// The cell of a position, and the interpolation weights of its upper corners along each axis.
 fn corners(nodes: Nodes, position: [f64; 3]) -> ([usize; 3], [f32; 3]) {
     let at = [0, 1, 2].map(|axis| position[axis] * (nodes.0[axis] - 1) as f64);
     let cell = [0, 1, 2].map(|axis| (at[axis] as usize).min(nodes.0[axis] - 2));
@@ -253,7 +253,7 @@ fn corners(nodes: Nodes, position: [f64; 3]) -> ([usize; 3], [f32; 3]) {
 /// The sums of all nodes.
 struct ImportanceBuffer<'a> {
     nodes: Nodes,
-    /// The sum of a ray with all its weight on one node.
+    /// The sum of a ray whose whole weight is on one node.
     unit: f64,
     sums: &'a [AtomicU64],
 }

@@ -1,10 +1,11 @@
 //! Level of detail from a pixel's footprint.
 //!
-//! `rho` is the larger, over the picture's x and y, of the distance in voxels of size `(max - min)
-//! / N` between a sample and one on the ray half a pixel aside (of the same distance or the same
-//! index, as the rule says), divided by that half pixel; [`LevelOfDetail`] converts it to a level.
-//! Both rays' samples move linearly with their index, so the offset is linear and `rho^2` a
-//! quadratic in it.
+//! `rho` is the footprint of a pixel in voxels of size `(max - min) / N`: the distance between a
+//! sample and the corresponding one on the ray half a pixel aside, divided by that half pixel. The
+//! larger value of the picture's x and y counts. The rule decides whether the corresponding sample
+//! has the same distance or the same index. [`LevelOfDetail`] converts `rho` to a level. The
+//! positions of samples on both rays are linear in the index, so their offset is linear and `rho^2`
+//! is quadratic in the index.
 
 use crate::model::activate::lanes;
 use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
@@ -12,8 +13,8 @@ use crate::model::baked::{Bends, FootprintNeighbour, LevelOfDetail};
 /// The rule for a ray's level of detail at each sample.
 #[derive(Debug, Clone, Copy)]
 pub struct Footprint {
-    /// `rho^2` of the rays aside along x and y: its constant, linear and quadratic coefficients in
-    /// the index.
+    /// `rho^2` of the neighbouring rays along x and y: constant, linear and quadratic coefficients
+    /// in the index.
     squares: [[f64; 3]; 2],
     rule: LevelOfDetail,
     finest: f32,
@@ -21,8 +22,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// From the sides' offsets in voxels for a whole pixel, `[x or y][at index 0, per step]`;
-    /// `levels` are the finest and the coarsest readable level.
+    /// Makes the rule from the offsets of the neighbouring rays, in voxels per pixel: `[x or y][at
+    /// index 0, per step]`. `levels` are the finest and the coarsest readable level.
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
         let last = rule.bound.map_or(coarsest, |bound| bound.min(coarsest)).max(finest);
@@ -50,14 +51,14 @@ impl Footprint {
         self.level(self.square(k, 0).max(self.square(k, 1)))
     }
 
-    /// `rho^2` of one side at index `k`. Near its minimum, rounding may make it negative.
+    /// `rho^2` of one neighbour at index `k`. Near the minimum, rounding may make it negative.
     #[inline(always)]
     fn square(&self, k: f64, side: usize) -> f64 {
         let [constant, linear, square] = self.squares[side];
         (constant + k * (linear + k * square)).max(0.0)
     }
 
-    /// Bounds of the levels of all samples from `first` to `last`; equal if the level is constant.
+    /// Bounds of the levels from sample `first` to `last`; equal if the level is constant.
     pub fn range(&self, first: f64, last: f64) -> [f32; 2] {
         if self.finest == self.last {
             return [self.last; 2];
@@ -72,7 +73,7 @@ impl Footprint {
         [self.level(f64::max(least[0], least[1])).min(highest), highest]
     }
 
-    /// The level of a footprint with this square.
+    /// The level of a footprint whose square is given.
     #[inline(always)]
     fn level(&self, square: f64) -> f32 {
         // log2(rho) from rho^2; a pixel of no size is the finest level.

@@ -1,4 +1,4 @@
-//! Pictures of a field.
+//! Renders pictures of a field.
 
 use glam::DVec3;
 
@@ -15,16 +15,16 @@ use crate::picture::box_means;
 use crate::view::sample::SampleLevels;
 use crate::view::sample::View;
 
-/// Pixels along a tile's edge. Neighbouring rays read the same blocks.
+/// Pixels along each edge of a tile. Neighbouring rays read the same blocks.
 const TILE: usize = 16;
 
 /// The level that samples read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LevelChoice {
-    /// Picked by the field's rule.
+    /// The level that the field's rule picks.
     #[default]
     Auto,
-    /// Always this one.
+    /// Always this level.
     Fixed(usize),
 }
 
@@ -33,7 +33,7 @@ pub enum LevelChoice {
 pub struct FrameOptions {
     /// The level that samples read.
     pub levels: LevelChoice,
-    /// Rays along each side of a pixel; their mean is the pixel.
+    /// Rays along each side of a pixel, which are averaged.
     pub supersample: usize,
 }
 
@@ -43,39 +43,39 @@ impl Default for FrameOptions {
     }
 }
 
-/// A picture and its companions, rows from the top.
+/// A rendered picture with its other channels, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Pixels along a row.
+    /// Width in pixels.
     pub width: usize,
-    /// Rows.
+    /// Height in pixels.
     pub height: usize,
     /// Colour over the background, not clamped.
     pub color: Vec<[f32; 3]>,
-    /// Light left behind the field.
+    /// Transmittance of the whole ray, 0 to 1.
     pub transmittance: Vec<f32>,
-    /// Expected distance in world units; light that passes through the field has the distance
+    /// Expected distance in world units. Light that passes through the field has the distance
     /// `far`, if set.
     pub distance: Vec<f32>,
-    /// Weighted mean level of the samples; 0 where there are none.
+    /// Weighted mean level of the samples; 0 for pixels without samples.
     pub level: Vec<f32>,
     /// Diffuse colour and features, `channels` values per pixel.
     pub accumulated: Vec<f32>,
-    /// Values of `accumulated` per pixel.
+    /// Number of values per pixel in `accumulated`.
     pub channels: usize,
-    /// Time and samples.
+    /// Numbers of rays and samples.
     pub statistics: Statistics,
 }
 
 /// Cost of rendering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Statistics {
-    /// Rays.
+    /// Number of rays.
     pub rays: u64,
-    /// Number of interpolated samples; not counted for models with rules of their own.
+    /// Number of interpolated samples; 0 for models with their own rules.
     pub samples: u64,
-    /// Number of samples between the entry and exit of rays, interpolated or skipped; also not
-    /// counted for such models.
+    /// Number of samples between the entry and exit of rays, interpolated or skipped; 0 for models
+    /// with their own rules.
     pub steps: u64,
 }
 
@@ -88,16 +88,16 @@ impl std::ops::AddAssign for Statistics {
 }
 
 impl Renderer {
-    /// The picture that a camera sees, one ray per pixel, over the field's background.
+    /// Renders the picture of a camera, one ray per pixel, over the field's background.
     ///
     /// # Errors
-    /// A camera that cannot be rendered, because its lens or position is out of range.
+    /// A camera whose lens or position is out of range.
     pub fn picture(&self, camera: &Camera) -> Result<Frame> {
         render(self, camera, &FrameOptions::default(), &Silent)
     }
 }
 
-/// Units of [`Step::Render`] in a picture: its tiles.
+/// Number of tiles of a picture, the units of [`Step::Render`].
 pub fn tiles(lens: &Lens, supersample: usize) -> u64 {
     let along = |pixels: usize| (pixels * supersample).div_ceil(TILE) as u64;
     along(lens.width) * along(lens.height)
@@ -113,7 +113,7 @@ pub fn render(
     render_by(field, field.view(), camera, options, progress)
 }
 
-/// The same picture without colours, which take most of the time.
+/// Renders one frame without colours, which take most of the time.
 ///
 /// # Errors
 /// As [`render`].
@@ -186,7 +186,7 @@ fn tile_places(lens: &Lens) -> Vec<[[usize; 2]; 2]> {
     (0..across * lens.height.div_ceil(TILE)).map(place).collect()
 }
 
-/// The picture of a model by its own rules. All of its colour counts as diffuse.
+/// Renders a model by its own rules. All of its colour counts as diffuse.
 fn render_model(
     model: &dyn TrainedModel,
     view: &View,
@@ -297,7 +297,8 @@ impl Frame {
         }
     }
 
-    /// The mean of `factor` by `factor` pixels; the remainder at the right and below is dropped.
+    /// Averages squares of `factor` by `factor` pixels. The remainder at the right and bottom is
+    /// dropped.
     #[must_use]
     pub fn box_downsampled(self, factor: usize) -> Self {
         if factor == 1 {

@@ -1,4 +1,4 @@
-//! One ray.
+//! Marches one ray.
 
 use super::color_rule::ColorRule;
 use super::packet::{Packet, Sums};
@@ -14,21 +14,21 @@ pub(super) const OPAQUE_DEPTH: f64 = 11.6;
 /// Sums along a ray.
 #[derive(Debug, Clone, Copy)]
 pub struct Gathered<const C: usize> {
-    /// Weighted activated colour and features.
+    /// Weighted sum of activated colours and features.
     pub color: [f32; C],
-    /// Light left behind the field.
+    /// Transmittance of the whole ray, 0 to 1.
     pub transmittance: f32,
-    /// Weighted distance from the camera, in world units.
+    /// Weighted sum of distances from the camera, in world units.
     pub distance: f32,
-    /// Weighted level.
+    /// Weighted sum of levels.
     pub level: f32,
-    /// Samples that were interpolated.
+    /// Number of interpolated samples.
     pub samples: u32,
-    /// Samples between entry and exit, visited or skipped.
+    /// Number of samples between entry and exit, visited or skipped.
     pub steps: u32,
 }
 
-/// Follows a ray; `neighbours` are the rays half a pixel aside along x and y, if the level depends
+/// Marches a ray. `neighbours` are the rays half a pixel aside along x and y, if the level depends
 /// on them.
 pub fn march<const C: usize>(
     view: &View,

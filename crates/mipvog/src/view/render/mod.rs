@@ -1,11 +1,12 @@
 //! The reference renderer of trained and baked fields.
 //!
 //! All fields share one code path above [`crate::view::sample::SampleLevels`]. A [`View`] holds the
-//! rules of a trained scene or of a container's metadata; [`route`] walks a ray: level of detail
-//! from the pixel's footprint, jumps over empty space, transmittance as accumulated optical depth.
-//! [`nested_route`] handles nested boxes; [`packet`] interpolates, activates and composites many
-//! samples at once; [`frame`] renders tiles of a picture in parallel and adds the view-dependent
-//! colour, many rays at a time. The picture does not depend on the number of threads.
+//! rules of a trained scene or of a container's metadata. [`route`] walks a ray: it picks the level
+//! of detail from the pixel's footprint and skips empty space. [`nested_route`] handles nested
+//! boxes. [`packet`] interpolates, activates and composites many samples at once, with
+//! transmittance as accumulated optical depth. [`frame`] renders tiles of a picture in parallel and
+//! adds the view-dependent colour of many rays at once. The picture does not depend on the number
+//! of threads.
 
 mod color_rule;
 mod coverage;

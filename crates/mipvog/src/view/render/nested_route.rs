@@ -1,50 +1,50 @@
-//! A ray through nested boxes. In the smallest box that contains them, samples read no finer level
-//! than the box's own, and are at least as far apart as its nodes.
+//! A ray through nested boxes. A sample reads no finer level than that of the smallest box around
+//! it. Samples in a box are at least as far apart as its nodes.
 //!
-//! The next sample in box `m` comes `2^m` steps later, or later by the level of detail. If the ray
-//! enters a smaller box before that, the next sample is the first whole step in that box, so that
-//! no step skips its content.
+//! The next sample in box `m` comes `2^m` steps later, or even later if the level of detail
+//! requires it. If the ray enters a smaller box before that, the next sample is the first whole
+//! step in that box, so no step skips its contents.
 
 use super::path::Path;
 use crate::model::grid::BoxFrame;
 
-/// Maximum nested boxes of a container.
+/// Maximum number of nested boxes in a container.
 const MAX_BOXES: usize = 32;
 
 /// The part of a ray up to the next box.
 #[derive(Debug, Clone, Copy)]
 pub struct Region {
-    /// The number of the smallest box around it.
+    /// Index of the smallest box around the region.
     pub number: usize,
-    /// Sample 0 of the ray in shares of that box.
+    /// Sample 0 of the ray, as fractions of that box.
     pub start: [f64; 3],
-    /// From one sample to the next.
+    /// Step from one sample to the next.
     pub step: [f64; 3],
-    /// No sample of the region has a smaller number.
+    /// Smallest index of a sample in the region.
     pub first: f64,
-    /// No sample of the region has a larger number.
+    /// Largest index of a sample in the region.
     pub last: f64,
-    /// The number at which the next box starts, or one beyond the last sample.
+    /// Index at which the next box starts, or one beyond the last sample.
     pub end: f64,
     /// True if the next box is a smaller one.
     pub is_entered: bool,
 }
 
 impl Region {
-    /// All of a ray through one box.
+    /// The region of a ray through one box.
     pub fn whole(path: &Path) -> Self {
         let Path { start, step, first, last, .. } = *path;
         Self { number: 0, start, step, first, last, end: last + 1.0, is_entered: false }
     }
 
-    /// Sample `k` in shares of the box.
+    /// Position of sample `k`, as fractions of the box.
     #[inline(always)]
     pub fn position(&self, k: f64) -> [f64; 3] {
         let along = |axis: usize| (self.start[axis] + k * self.step[axis]).clamp(0.0, 1.0);
         [along(0), along(1), along(2)]
     }
 
-    /// The number of the sample after `k`, which would be `next` without a region's end.
+    /// Index of the sample after `k`: `next`, unless the region ends before it.
     #[inline(always)]
     pub fn entered(&self, k: f64, next: f64) -> f64 {
         if self.is_entered && next > self.end {
@@ -62,7 +62,7 @@ pub struct Crossings {
 }
 
 impl Crossings {
-    /// Of a ray through boxes, the smallest first.
+    /// The ranges of a ray through `boxes`, the smallest first.
     pub fn new(path: &Path, boxes: &[BoxFrame]) -> Self {
         let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_BOXES];
         for (range, frame) in ranges.iter_mut().zip(boxes) {

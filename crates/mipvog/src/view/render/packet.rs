@@ -1,5 +1,5 @@
-//! Samples of a ray that are interpolated, activated and composited together, so that the compiler
-//! turns the arithmetic of all of them into vector instructions.
+//! Interpolates, activates and composites samples of a ray together, so the compiler can use vector
+//! instructions.
 
 use multiversion::multiversion;
 
@@ -10,40 +10,40 @@ use crate::model::baked::{Blend, DensityDomain};
 use crate::model::field::{Activation, ActivationOrder, DensityFunction};
 use crate::view::sample::{Cell, SampleLevels, View, optical_depth, raw_depth};
 
-/// Samples of a packet: a cache line of f32, and about as many as a ray takes before it ends.
+/// Samples per packet: one cache line of f32, and about as many as a ray has before it ends.
 const PACKET: usize = 16;
 
 /// Samples of one ray at one level, each blended with the next coarser one.
 pub struct Packet {
-    /// The finer of the levels that the samples blend.
+    /// The finer of the two blended levels.
     level: usize,
-    /// The part of the field that they lie in.
+    /// The part of the field that contains the samples.
     part: usize,
     count: usize,
     k: [f64; PACKET],
-    /// Share of the next coarser level.
+    /// Weight of the next coarser level.
     blend: [f32; PACKET],
     /// Intervals per sample.
     intervals: [f32; PACKET],
 }
 
-/// Sums over a ray's packets. In f64: a ray may have 10^5 samples, and in f32, equal small addends
+/// Sums over a ray's packets, in f64. A ray can have 10^5 samples; in f32, equal small addends
 /// would all round the same way, with an error of 1/300 of their sum.
 pub struct Sums<const C: usize> {
     /// Optical depth.
     pub depth: f64,
-    /// Weighted activated colour and features.
+    /// Weighted sum of activated colours and features.
     pub color: [f64; C],
-    /// Weighted distance from the camera.
+    /// Weighted sum of distances from the camera.
     pub distance: f64,
-    /// Weighted level.
+    /// Weighted sum of levels.
     pub level: f64,
-    /// Samples that were interpolated.
+    /// Number of interpolated samples.
     pub samples: u32,
 }
 
 impl<const C: usize> Sums<C> {
-    /// Of no samples.
+    /// The sums of no samples.
     pub fn nothing() -> Self {
         Self { depth: 0.0, color: [0.0; C], distance: 0.0, level: 0.0, samples: 0 }
     }
@@ -71,13 +71,13 @@ fn nothing(domain: DensityDomain) -> f32 {
 }
 
 impl Packet {
-    /// Without samples.
+    /// A packet without samples.
     pub fn empty() -> Self {
         let (k, blend, intervals) = ([0.0; PACKET], [0.0; PACKET], [1.0; PACKET]);
         Self { level: 0, part: 0, count: 0, k, blend, intervals }
     }
 
-    /// True if a sample of a part of the field must wait until the packet is shaded.
+    /// True if the packet must be shaded before it can take a sample of this part.
     #[inline(always)]
     pub fn refuses(&self, part: usize) -> bool {
         self.count == PACKET || (self.part != part && self.count > 0)
@@ -94,8 +94,8 @@ impl Packet {
         self.count += 1;
     }
 
-    /// Interpolates, activates, composites and empties the packet: adds to the `sums` of the
-    /// packets before it.
+    /// Interpolates, activates and composites the samples, adds them to `sums`, and empties the
+    /// packet.
     pub fn shade<const C: usize>(
         &mut self,
         view: &View,

@@ -6,35 +6,35 @@ use crate::model::camera::Ray;
 use crate::model::grid::BoxFrame;
 use crate::view::sample::View;
 
-/// A sample at most this far from a face, in shares of the box, lies on it. Rays enter at faces,
-/// and rounding must not decide whether the first sample counts.
+/// A sample at most this far from a face, as a fraction of the box, lies on it. Rays enter at
+/// faces, and rounding must not decide whether the first sample counts.
 const ON_FACE: f64 = 1e-9;
 
 /// A ray in the field's own coordinates: sample `k` is at `start + k * step`, `0..=1` along each
 /// axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Path {
-    /// Sample 0.
+    /// Position of sample 0.
     pub start: [f64; 3],
-    /// From one sample to the next.
+    /// Step from one sample to the next.
     pub step: [f64; 3],
-    /// The first sample inside the box.
+    /// Index of the first sample inside the box.
     pub first: f64,
     /// End of the samples.
     pub last: f64,
     /// `t` of sample 0, and for each step.
     entry: f64,
     t_step: f64,
-    /// World units for a unit of `t`.
+    /// World units per unit of `t`.
     length: f64,
-    /// Intervals in a step.
+    /// Intervals per step.
     intervals: f32,
-    /// Values of the functions of anisotropy in the ray's direction; zeros where no level has any.
+    /// The anisotropy functions in the ray's direction; zeros if no level has anisotropy.
     pub along: [f32; ANISOTROPY],
 }
 
 impl Path {
-    /// The part of the ray that samples the box; none if it misses it.
+    /// The part of the ray inside the box; `None` if the ray misses the box.
     pub fn new(view: &View, ray: &Ray) -> Option<Self> {
         let (entry, length) = (entry_t(view, ray), ray.direction.length());
         let step_length = step_length(view, ray);
@@ -65,14 +65,14 @@ impl Path {
         Some(Self { start, step, first, last, entry, t_step, length, intervals, along })
     }
 
-    /// Sample `k`.
+    /// Position of sample `k`.
     #[inline(always)]
     pub fn position(&self, k: f64) -> [f64; 3] {
         let along = |axis: usize| (self.start[axis] + k * self.step[axis]).clamp(0.0, 1.0);
         [along(0), along(1), along(2)]
     }
 
-    /// Offset of the samples of `other`, half a pixel aside, in voxels for a whole pixel: at sample
+    /// Offset of the samples of `other`, a ray half a pixel aside, in voxels per pixel: at sample
     /// 0, and its change per step.
     pub fn offsets(
         &self,
@@ -96,8 +96,8 @@ impl Path {
         ]
     }
 
-    /// The samples in a nested box, including its faces: numbers of the first and the last,
-    /// possibly fractional. None if the ray misses it.
+    /// The samples in a nested box, including its faces: indices of the first and the last,
+    /// possibly fractional. `None` if the ray misses the box.
     pub fn within(&self, frame: &BoxFrame) -> Option<[f64; 2]> {
         let (start, step) = self.placed_in(frame);
         let (mut first, mut last) = (self.first, self.last);
@@ -114,7 +114,7 @@ impl Path {
         (first <= last).then_some([first, last])
     }
 
-    /// Sample 0 and the step in shares of a nested box.
+    /// Sample 0 and the step, as fractions of a nested box.
     pub fn placed_in(&self, frame: &BoxFrame) -> ([f64; 3], [f64; 3]) {
         let step = [0, 1, 2].map(|axis| self.step[axis] * frame.scale[axis]);
         (frame.place(self.start), step)

@@ -15,7 +15,7 @@ use crate::model::view_mlp::RAYS;
 use crate::view::sample::SampleLevels;
 use crate::view::sample::View;
 
-/// Rays that a thread takes at once.
+/// Number of rays per task of a thread.
 const CHUNK: usize = 256;
 
 impl Renderer {
@@ -23,7 +23,7 @@ impl Renderer {
     ///
     /// # Errors
     ///
-    /// A missing level, rules out of range, and a request to stop.
+    /// A missing level, rules out of range, and `Cancelled`.
     pub fn ray_colors(
         &self,
         rays: &[Ray],
@@ -40,8 +40,8 @@ impl Renderer {
         }
     }
 
-    /// The colours at a `position` seen along unit `directions`, 0 to 1 and more
-    /// where the view network adds light.
+    /// The colours at a `position` seen along unit `directions`: 0 to 1, or more if the view
+    /// network adds light.
     ///
     /// # Errors
     ///

@@ -1,5 +1,5 @@
-//! A field to be rendered: its rules, and either its values in as many lanes as its channels need,
-//! or a self-evaluating model.
+//! A field to render: its rules, and either values in as many lanes as its channels need, or a
+//! model that evaluates itself.
 
 use super::trained::{TrainedLevels, view_of};
 use crate::base::error::{Error, Place, Result};
@@ -28,7 +28,7 @@ pub(crate) enum Content {
     Model(Box<dyn TrainedModel>),
 }
 
-/// Values whose colours and features have this many lanes; lanes without a channel are zero.
+/// Values, by the number of lanes for colours and features. Lanes without a channel are zero.
 #[derive(Debug)]
 pub(crate) enum Lanes {
     Four(Stored<4>),
@@ -86,7 +86,7 @@ macro_rules! in_lanes {
 impl Renderer {
     /// A trained field, with coarser levels if `levels` has a filter. All of its values are read.
     ///
-    /// # Errors `Malformed` if the field's parts do not fit each other, `Unsupported` beyond 64
+    /// # Errors `Malformed` if the field's parts are inconsistent, `Unsupported` for more than 64
     /// channels of colour and features, and errors of reading the values.
     pub fn trained(
         field: &RadianceField,
@@ -102,10 +102,10 @@ impl Renderer {
         Ok(Self { view, content: Content::Values(values?) })
     }
 
-    /// A model with rules of its own, which takes box, background, near and far from `field`.
+    /// A model with its own rules, which takes box, background, near and far from `field`.
     ///
     /// # Errors
-    /// `Malformed` if the field's parts do not fit each other, and those of loading.
+    /// `Malformed` if the field's parts are inconsistent, and errors of loading.
     pub fn of_model(field: &RadianceField, model: &dyn LoadModel, limits: &Limits) -> Result<Self> {
         field.check()?;
         Ok(Self { view: view_of(field, None), content: Content::Model(model.load(limits)?) })
@@ -124,7 +124,7 @@ impl Renderer {
         Ok(Self { view: View::of_baked(field), content: Content::Values(values?) })
     }
 
-    /// All levels of a container, within the limits that it was opened with.
+    /// All levels of a container, within its limits at opening.
     ///
     /// # Errors
     /// `Malformed` if its levels are damaged, and more memory than the limits allow.
@@ -132,22 +132,21 @@ impl Renderer {
         Self::baked(&container.read()?, container.limits())
     }
 
-    /// A model in memory with rules of its own, which takes box, background, near and far from the
-    /// view of another field.
+    /// A model in memory with its own rules. Box, background, near and far come from the view of
+    /// another field.
     pub fn with_view(view: &View, model: Box<dyn TrainedModel>) -> Self {
         Self { view: view.clone(), content: Content::Model(model) }
     }
 
-    /// True if colours come from a model with rules of its own.
+    /// True if colours come from a model with its own rules.
     pub fn is_model(&self) -> bool {
         matches!(self.content, Content::Model(_))
     }
 
     /// Skips all samples outside a box.
     ///
-    /// # Errors
-    /// `InvalidOption` for an empty box or one that misses the field's, and `Usage` for a model
-    /// with rules of its own.
+    /// # Errors `InvalidOption` for an empty box or one outside the field's, `Usage` for a model
+    /// with its own rules.
     pub fn crop(&mut self, crop: &Bounds) -> Result<()> {
         if self.is_model() {
             let message = "--crop works on values at nodes, and this model is evaluated by its own \
@@ -166,7 +165,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// A trained field as it is, without coarser levels. All of its values are read.
+    /// A trained field without coarser levels. All of its values are read.
     ///
     /// # Errors
     /// As [`Self::trained`].
@@ -187,7 +186,7 @@ impl Renderer {
         }
     }
 
-    /// The rules, for overriding.
+    /// The rules, to override them.
     pub fn view_mut(&mut self) -> &mut View {
         &mut self.view
     }

@@ -15,27 +15,27 @@ pub const EVERY_SAMPLE: [f64; 2] = [0.0, 1.0];
 /// A sample that may be visible.
 #[derive(Debug, Clone, Copy)]
 pub struct RouteSample {
-    /// Its number.
+    /// Index of the sample.
     pub k: f64,
-    /// Its level of detail.
+    /// Level of detail.
     pub lambda: f32,
-    /// Its intervals.
+    /// Number of intervals that the sample stands for.
     pub intervals: f32,
-    /// The smallest nested box around it; 0 if there is one box.
+    /// Index of the smallest nested box around the sample; 0 if there is one box.
     pub number: usize,
 }
 
 /// A ray's samples and their levels of detail.
 #[derive(Debug, Clone, Copy)]
 pub struct Route {
-    /// Positions of samples.
+    /// Positions of the samples.
     pub path: Path,
     footprint: Footprint,
 }
 
 impl Route {
-    /// Through a field of `levels` levels; `neighbours` are the rays half a pixel aside along x and
-    /// y, if the level depends on them. None if the ray misses the box.
+    /// The route of a ray through a field of `levels` levels. `neighbours` are the rays half a
+    /// pixel aside along x and y, if the level depends on them. `None` if the ray misses the box.
     pub fn new(
         view: &View,
         levels: usize,
@@ -56,8 +56,8 @@ impl Route {
     }
 
     /// Visits samples front to back until a visit returns false. `[from, every]` skips `from`
-    /// samples at the entry, then takes one of `every`. `skip` has the empty space of each nested
-    /// box.
+    /// samples at the entry, then visits every `every`-th sample. `skip` has the empty space of
+    /// each nested box.
     #[inline(always)]
     pub fn walk<'s>(
         &self,
@@ -81,8 +81,8 @@ impl Route {
         }
     }
 
-    /// Visits the samples of a region from `k` on. Returns the number of the sample after them;
-    /// none if a visit returned false.
+    /// Visits the samples of a region from `k` on. Returns the index of the sample after them, or
+    /// `None` if a visit returned false.
     #[inline(always)]
     fn walk_region(
         &self,

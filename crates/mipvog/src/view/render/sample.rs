@@ -14,16 +14,16 @@ use crate::view::sample::{
 
 /// Number of voxels in front of a point that are searched for occluders.
 pub const BEFORE: u32 = 4;
-/// A point with less light than this from every direction lies inside a solid.
+/// A point that gets less light than this from every direction lies inside a solid.
 const HIDDEN: f64 = 1e-3;
-/// Directions with less than this share of the freest one's light do not count.
+/// Directions with less than this share of the brightest one's light do not count.
 const FAINTEST: f64 = 1e-2;
 /// Optical depth in front of a point above which a direction never counts: `exp(-12)` is below the
 /// product of the two shares above.
 const BLOCKED: f64 = 12.0;
 
 impl Renderer {
-    /// Levels of the field; 0 is the finest.
+    /// Number of levels of the field.
     pub fn levels(&self) -> usize {
         self.level_count()
     }
@@ -34,7 +34,7 @@ impl Renderer {
     }
 
     /// The field's values at a `position` in world units, interpolated in one level. Opacity is 0
-    /// outside the box, outside the free-space mask and in blocks that are not stored.
+    /// outside the box, outside the free-space mask and in empty blocks.
     ///
     /// ```
     /// use mipvog::{RadianceField, Renderer};
@@ -57,13 +57,13 @@ impl Renderer {
         Ok(self.sample_both(world, share, level))
     }
 
-    /// As [`Self::sample`], at a place in shares of the box, `0..=1` along each axis, in a level
-    /// that the field has.
+    /// As [`Self::sample`], at a position given as fractions of the box, `0..=1` along each axis.
+    /// The level must exist.
     pub fn sample_at(&self, share: [f64; 3], level: usize) -> Sample {
         self.sample_both(world_of(self.view(), share), share, level)
     }
 
-    /// The density alone of [`Self::sample_at`]: optical depth per world unit.
+    /// Only the density of [`Self::sample_at`]: optical depth per world unit.
     pub fn density_at(&self, share: [f64; 3], level: usize) -> f32 {
         let view = self.view();
         let world = world_of(view, share);
@@ -86,8 +86,8 @@ impl Renderer {
         }
     }
 
-    /// True if no place between two corners, in shares of the box, is visible in a level; false
-    /// proves nothing.
+    /// True if nothing is visible in a level between two corners, given as fractions of the box.
+    /// False proves nothing.
     pub fn is_empty(&self, [low, high]: [[f64; 3]; 2], level: usize) -> bool {
         let (view, Content::Values(lanes)) = (self.view(), self.content()) else { return false };
         with_values!(lanes, values => {
@@ -109,17 +109,17 @@ impl Renderer {
         })
     }
 
-    /// The mean of a place's colours over directions, each clamped to 0 to 1; the diffuse colour if
-    /// no colour depends on the direction. Directions are weighted by the transmittance of the
-    /// nearest density towards the eye, because training never saw walls from inside. A place that
-    /// is hidden from all sides has its diffuse colour, which saves evaluating a network. `share`
-    /// is a place in shares of the box.
+    /// The mean colour at a point over directions, each colour clamped to 0 to 1. Directions are
+    /// weighted by the transmittance towards the eye near the point, because training never saw
+    /// walls from inside. The result is the diffuse colour if no colour depends on the direction,
+    /// or if the point is hidden from all sides, which saves evaluating a network. `share` is the
+    /// position as fractions of the box.
     pub fn mean_color(&self, share: [f64; 3], level: usize, directions: &Directions) -> [f32; 3] {
         self.mean_color_behind(share, level, directions, |at| self.density_at(at, level))
     }
 
     /// As [`Self::mean_color`], with densities from the caller, which are requested four times per
-    /// direction. Places are in shares of the box.
+    /// direction. Positions are fractions of the box.
     pub fn mean_color_behind(
         &self,
         share: [f64; 3],
@@ -189,7 +189,7 @@ impl Renderer {
         sum.map(|sum| (sum / weights) as f32)
     }
 
-    /// True if colours of a point come from a network, which takes time.
+    /// True if the colours of a point come from a network, which is slow.
     pub fn has_network(&self) -> bool {
         let view = &self.view().view_dependence;
         view.as_ref().is_some_and(|view| view.network().is_some())
@@ -227,8 +227,8 @@ impl Directions {
         Self { vectors, bases, sums }
     }
 
-    /// The indices of the directions from which a place is visible, with their transmittances. None
-    /// if all directions are blocked.
+    /// The indices of the directions from which a point is visible, with their transmittances.
+    /// `None` if all directions are blocked.
     fn seen_from(
         &self,
         view: &View,

@@ -31,7 +31,7 @@ impl<const C: usize> Gathered<C> {
         })
     }
 
-    /// The expected distance in world units; light that passes through the field has the distance
+    /// The expected distance in world units. Light that passes through the field has the distance
     /// `far`, if set.
     pub fn expected_distance(&self, view: &View) -> f32 {
         self.distance + self.transmittance * view.march.far.unwrap_or(0.0)

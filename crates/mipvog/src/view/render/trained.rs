@@ -6,20 +6,20 @@ use crate::model::field::{March, RadianceField, Scene};
 use crate::model::trained_model::RayRules;
 use crate::view::sample::View;
 
-/// Coarser levels of a trained field, and the rule to render them by.
+/// The coarser levels of a trained field and the rules for rendering them.
 #[derive(Debug, Clone, Copy)]
 pub struct TrainedLevels<'a> {
-    /// The rules to make, mix and march through them.
+    /// Rules for making, blending and marching through the levels.
     pub filter: &'a dyn LevelFilter,
-    /// Levels in all, at most.
+    /// Maximum number of levels, including level 0.
     pub count: usize,
-    /// The rule for the level that a sample reads.
+    /// Rule that picks the level of a sample.
     pub level_of_detail: LevelOfDetail,
 }
 
 impl<'a> TrainedLevels<'a> {
-    /// The default number of levels of `filter`, rendered by the rules of training if training had
-    /// such levels.
+    /// The default number of levels of `filter`. If training had such levels, they are rendered by
+    /// its rules.
     pub fn of_training(filter: &'a dyn LevelFilter, scene: &Scene) -> Self {
         Self { filter, count: filter.level_count(scene.nodes), level_of_detail: filter.rule() }
     }
@@ -51,7 +51,7 @@ pub(super) fn view_of(field: &RadianceField, levels: Option<TrainedLevels>) -> V
     }
 }
 
-/// The rules that models with their own rules take from a picture.
+/// The part of a view that applies to models with their own rules.
 pub(super) fn ray_rules(view: &View) -> RayRules {
     let March { near, far, .. } = view.march;
     RayRules { near, far, background: view.background }

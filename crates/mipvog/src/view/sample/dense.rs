@@ -1,4 +1,4 @@
-//! A field as trained, in memory.
+//! A trained field in memory.
 
 use std::sync::Mutex;
 
@@ -22,17 +22,17 @@ use crate::model::directional::DIRECTIONAL;
 use crate::model::field::{Nonfinite, RadianceField};
 use crate::model::grid::{BoxFrame, NodeMask, Nodes};
 
-/// Dense levels.
+/// The dense levels of a field.
 #[derive(Debug)]
 pub struct Dense<const C: usize> {
     nodes: Vec<Nodes>,
-    /// Of levels, then of shells.
+    /// Values of the levels, then of the shells.
     values: Vec<Values<C>>,
-    /// Nodes and places of shells.
+    /// Nodes and boxes of the shells.
     shells: Vec<(Nodes, BoxFrame)>,
-    /// The place of level 0, where there are shells.
+    /// The box of level 0, if there are shells.
     first: Option<BoxFrame>,
-    /// By nested box.
+    /// Skip grids, one per nested box.
     skip: Vec<SkipGrid>,
     /// Raw density of empty space.
     empty_raw: f32,
@@ -48,13 +48,13 @@ pub struct NodesMut<'a, const C: usize> {
 }
 
 impl<const C: usize> Dense<C> {
-    /// Reads all of `field` and makes the levels of `filter`, at most this many; without a filter,
-    /// only level 0.
+    /// Reads all of `field` and makes the levels of `filter`, up to the given number. Without a
+    /// filter, there is only level 0.
     ///
     /// # Errors
     ///
-    /// Errors of reading, values that are not finite, more memory than `limits` allow, and `Usage`
-    /// for coarser levels of a field with shells.
+    /// Errors of reading, values that are not finite, memory beyond `limits`, and `Usage` for
+    /// coarser levels of a field with shells.
     pub fn new(
         field: &RadianceField,
         filter: Option<(&dyn LevelFilter, usize)>,
@@ -135,7 +135,8 @@ impl<const C: usize> Dense<C> {
         (density.as_deref().unwrap_or_default(), color)
     }
 
-    /// Densities, anisotropy and colours of a level's nodes, for changes. The skip grid stays.
+    /// Mutable densities, anisotropy and colours of a level's nodes. The skip grid does not follow
+    /// changes.
     pub fn values_mut(&mut self, level: usize) -> NodesMut<'_, C> {
         let Values { density, anisotropy, color, .. } = &mut self.values[level];
         let density = density.as_deref_mut().unwrap_or_default();
@@ -157,7 +158,7 @@ impl<const C: usize> Dense<C> {
         self.values[level].strides
     }
 
-    /// The nodes of a cell's values, and their weights.
+    /// The nodes at a cell's corners, and their interpolation weights.
     pub fn corners(&self, level: usize, cell: &Cell) -> [(usize, f32); 8] {
         let [x, y] = self.values[level].strides;
         let weight = |up: usize, fraction: f32| if up == 1 { fraction } else { 1.0 - fraction };
@@ -260,7 +261,7 @@ fn fill<const C: usize>(
 
 /// Copies planes into arrays.
 struct DenseSink<'a, const C: usize> {
-    /// By level and plane.
+    /// Planes, by level.
     levels: Vec<Vec<Mutex<ArrayPlane<'a, C>>>>,
     /// Channels of level 0. Those of directional brightness follow, then those of anisotropy.
     channels: usize,

@@ -1,5 +1,5 @@
-//! Reading fields between nodes: [`Dense`] for a field as trained, beside what the format's crate
-//! has for a baked one.
+//! Values of fields between nodes: [`Dense`] for a trained field; the format's crate has its
+//! counterpart for a baked one.
 
 mod dense;
 mod stored;

@@ -1,12 +1,12 @@
-//! A field's values, trained or baked.
+//! The values of a trained or baked field.
 
 use super::{Dense, Sparse};
 
-/// Values of either kind.
+/// Values of a field.
 #[derive(Debug)]
 pub enum Stored<const C: usize> {
-    /// As trained.
+    /// A trained field.
     Dense(Dense<C>),
-    /// Baked.
+    /// A baked field.
     Sparse(Sparse<C>),
 }
