@@ -5,8 +5,8 @@
 >>> field = mipvog_bake.open("scene.mipvog")
 >>> picture = field.render(None, 256)
 
-Arrays of one's own become a field by `from_arrays`, anybody's density and colour functions by
-`from_model`. Every failure is an `Error`.
+`from_arrays` makes a field from your own arrays, `from_model` from any density and colour
+functions. Every failure raises `Error`.
 """
 
 from typing import TYPE_CHECKING, Any

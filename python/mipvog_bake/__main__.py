@@ -1,4 +1,4 @@
-"""The program `mipvog-bake`: `python -m mipvog_bake` runs the same."""
+"""The program `mipvog-bake`, as `python -m mipvog_bake`."""
 
 import signal
 import sys
@@ -7,7 +7,7 @@ from ._native import main as _main
 
 
 def main() -> int:
-    """Runs the program with the arguments of this process, and gives its exit code."""
+    """Runs the program with this process's arguments and returns its exit code."""
     # The program watches signals itself. Python's own handler would end it with a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _main(["mipvog-bake", *sys.argv[1:]])

@@ -1,4 +1,4 @@
-"""Arrays of Python as fields: borrowed where their memory has the right order and type."""
+"""Python arrays as fields, borrowed if their memory has the right order and type."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ Tensor = tuple[str, str, list[int], list[npt.NDArray[np.uint8]]]
 
 
 def as_array(name: str, value: Any) -> npt.NDArray[Any]:
-    """A value as an array in memory: of NumPy, or of any program that lends its arrays."""
+    """Converts a value to an array in memory: from NumPy, or from any library that exports
+    arrays."""
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise bad_array(
             name,
@@ -60,7 +61,7 @@ def as_array(name: str, value: Any) -> npt.NDArray[Any]:
 
 
 def _floats(name: str, value: Any) -> npt.NDArray[Any]:
-    """An array in memory, of floats."""
+    """An array of floats in memory."""
     array = as_array(name, value)
     if array.dtype.kind != "f":
         raise bad_array(
@@ -73,8 +74,8 @@ def _floats(name: str, value: Any) -> npt.NDArray[Any]:
 
 
 def as_tensor(name: str, arrays: Sequence[Any], shape: Sequence[int]) -> Tensor:
-    """Float arrays one behind the other as one tensor of a shape. Float32 and float16 in C order
-    are borrowed, all else is converted to float32."""
+    """Concatenates float arrays to one tensor of a shape. Float32 and float16 arrays in C order are
+    borrowed; all others are converted to float32."""
     found = [_floats(name, array) for array in arrays]
     half = all(array.dtype == np.float16 for array in found)
     target = np.dtype(np.float16 if half else np.float32)
@@ -109,7 +110,7 @@ def corners(name: str, value: Any) -> npt.NDArray[np.float64]:
 
 
 def _text(name: str, value: Any) -> str:
-    """A setting as the file's text."""
+    """A setting as text, as the file stores it."""
     # Texts of an .npz are arrays.
     if isinstance(value, np.ndarray) and value.dtype.kind == "U":
         value = str(value)
@@ -126,7 +127,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def sampled_arrays(arrays: Mapping[str, Any]) -> _native.Arrays:
-    """A dictionary of sampled arrays."""
+    """Checks sampled arrays by name and passes them to the library."""
     known = _ARRAYS + _SETTINGS
     unknown = [name for name in arrays if name not in known]
     if unknown:
@@ -204,16 +205,18 @@ def from_arrays(
     color_threshold: Optional[float] = None,
     frequencies: int = 4,
 ) -> Field:
-    """A trained field of arrays: raw values at nodes, as DirectVoxGO and Mip-VoG train them.
+    """Makes a trained field from arrays: raw values at nodes, as DirectVoxGO and Mip-VoG train
+    them.
 
-    `density` is `[X, Y, Z]`, raw; opacity over one step is `1 - exp(-softplus(raw + shift) *
-    interval)`. `diffuse` is `[3, X, Y, Z]`, logits of colour. `features` is `[4, X, Y, Z]` beside a
-    `network`: pairs of weight `[out, in]` and bias `[out]`, layer by layer, or a dictionary by the
-    checkpoint's names; it runs once a ray, on features and `frequencies` octaves of the direction.
-    `bounds` are two corners in world units; nodes 0 and N - 1 lie on the faces of the box.
-    `stepsize` is the distance of samples in voxels, and `interval` is it too unless given.
+    `density` is `[X, Y, Z]`, raw; the opacity over one step is `1 - exp(-softplus(raw + shift) *
+    interval)`. `diffuse` is `[3, X, Y, Z]`, logits of colour. `features` is `[4, X, Y, Z]` and
+    requires a `network`: pairs of weight `[out, in]` and bias `[out]`, layer by layer, or a
+    dictionary with the checkpoint's names. The network runs once per ray, on the features and
+    `frequencies` octaves of the direction. `bounds` are two corners in world units; nodes 0 and N -
+    1 lie on the faces of the box. `stepsize` is the distance between samples in voxels. `interval`
+    defaults to `stepsize`.
 
-    Arrays of float32 in C order are borrowed, not copied: do not change them before the bake.
+    Float32 arrays in C order are borrowed, not copied: do not change them before the bake.
     """
     grid, colors = _floats("density", density), [_floats("diffuse", diffuse)]
     if features is not None:

@@ -1,4 +1,4 @@
-"""`bake`: the program's verb as a function."""
+"""`bake`, the verb of the program as a function."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ def bake(
     progress: Union[None, bool, Progress] = None,
     **options: Unpack[BakeOptions],
 ) -> dict[str, Any]:
-    """Bakes `input` into the container `output`, and gives the report of `mipvog-bake bake`.
+    """Bakes `input` into the container `output` and returns the report of `mipvog-bake bake`.
 
-    `input` is the path of a checkpoint, a container or a glTF asset, the bytes of one or a binary
-    file to read them from, a `Field`, or a dictionary of sampled arrays:
-    `density` `[X, Y, Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z, 3]` or `sh` `[X, Y, Z, 3, B]`.
+    `input` is a checkpoint, a container or a glTF asset: a path, bytes, or a binary file that is
+    open for reading. It can also be a `Field`, or a dictionary of sampled arrays: `density` `[X, Y,
+    Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z, 3]` or `sh` `[X, Y, Z, 3, B]`.
 
     `output` is a path, or a binary file that is open for writing, such as `io.BytesIO()`.
 
-    Options are the program's long ones with underscores: `bits=12`, `preset="web"`,
-    `background=(0, 0, 0)`, `force=True`, `limit={"memory": 1 << 30}`. An option that is None or
-    False is not given. A field of `from_model` has `alpha_threshold=1e-4`, and
-    `max_error="1e-4:1e-3:1e-3"` unless `bits`, `quality` or `max_bytes` is given; a `preset` sets
-    both. The options that a field was opened with count too.
+    Options are the program's long options with underscores: `bits=12`, `preset="web"`,
+    `background=(0, 0, 0)`, `force=True`, `limit={"memory": 1 << 30}`. Options that are None or
+    False are ignored. For a field of `from_model`, `alpha_threshold` defaults to 1e-4 and, unless
+    `bits`, `quality` or `max_bytes` is given, `max_error` to "1e-4:1e-3:1e-3"; a `preset` overrides
+    both defaults. Options that the field was opened with apply too.
 
-    `progress` is called with the step and the share of the work that is done, 0 to 1, on the thread
-    that called; what it raises ends the work. True shows a bar of tqdm where that is installed,
-    else lines. Ctrl-C ends the work, and leaves no output.
+    `progress` is called on the calling thread, with the step and the completed share of the work, 0
+    to 1. An exception from it cancels the work. With True, a tqdm bar is shown if tqdm is
+    installed, else lines. Ctrl-C cancels the work; a cancelled bake leaves no output.
     """
     given: dict[str, Any] = dict(options)
     if isinstance(input, Field) and input.report is not None:
@@ -108,7 +108,7 @@ def _bake(
 
 
 def _output(output: Any) -> str:
-    """The path of an output, which is no stream."""
+    """The path of an output; refuses standard streams."""
     path = _check.path("output", output)
     if path == "-":
         raise Error("output: found the standard output, expected a path or a binary file")

@@ -1,4 +1,4 @@
-"""One box of samples: its matter, its densities, and colours fitted at its nodes."""
+"""One box of samples: its occupied blocks, its densities, and colours fitted at its nodes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _JUDGED = 4096
 
 
 class Asked(NamedTuple):
-    """What is asked of a model, and how."""
+    """The model to sample and the parameters of sampling."""
 
     density: Callback
     color: Callback
@@ -48,15 +48,16 @@ class Asked(NamedTuple):
     tell: Callable[[str, float], object]
 
     def step(self, step: str, share: float) -> None:
-        """Tells how much of a step is done."""
+        """Reports the completed share of a step."""
         first, last = _SHARES[step]
         self.tell(step, first + (last - first) * share)
 
 
 class Box:
-    """A box and the blocks of it that hold matter, outside of a smaller box if there is one.
+    """A box and its occupied blocks, without those inside a smaller box if there is one.
 
-    A box without matter has one block, which is empty."""
+    A box without matter has one empty block.
+    """
 
     def __init__(self, lattice: Lattice, smaller: Optional[Lattice], asked: Asked) -> None:
         self.lattice, self._smaller = lattice, smaller
@@ -77,7 +78,7 @@ class Box:
 
     @property
     def nodes(self) -> int:
-        """Nodes with matter."""
+        """Number of occupied nodes."""
         return int(np.count_nonzero(self._mean > self.lattice.faint))
 
     def fill(self, asked: Asked) -> None:
@@ -91,8 +92,8 @@ class Box:
             asked.step("sample density", done / len(self.blocks))
 
     def fit(self, asked: Asked) -> tuple[float, float]:
-        """Fits colours. Gives the squares of their errors along directions that no fit has seen,
-        times opacities, and the sum of opacities."""
+        """Fits colours. Returns the sum of squared errors along held-out directions, weighted by
+        opacity, and the sum of opacities."""
         lattice, blocks, functions = self.lattice, self.blocks, asked.functions
         smaller = self._smaller
         inner = None if smaller is None else [smaller.low.tolist(), smaller.high.tolist()]
@@ -118,7 +119,7 @@ class Box:
         return self._held_out(asked.color, fit)
 
     def tensors(self, prefix: str) -> list[Tensor]:
-        """The samples as sampled arrays. They are borrowed, and may still be filled."""
+        """The samples as sampled arrays. The arrays are borrowed and may still be filled later."""
         lattice, count, cube = self.lattice, len(self.blocks), (EDGE,) * 3
         corners = np.array([lattice.low, lattice.high], dtype=np.float32)
         small = self.blocks.astype(np.int32)
@@ -131,7 +132,7 @@ class Box:
         ]
 
     def texts(self, prefix: str) -> dict[str, str]:
-        """The settings of the same."""
+        """The settings of the sampled arrays."""
         return {f"{prefix}dimensions": ",".join(map(str, self.lattice.counts.tolist()))}
 
     def _held_out(self, color: Callback, fit: _native.NativeFit) -> tuple[float, float]:
@@ -163,5 +164,5 @@ def _colors(
     directions: npt.NDArray[np.float32],
     counts: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.float32]:
-    """Colours of nodes along directions, `counts` of them for each."""
+    """Colours of nodes along directions, `counts` per node."""
     return color(np.repeat(lattice.place(nodes), counts, axis=0), directions.reshape(-1, 3))

@@ -1,5 +1,5 @@
-"""The boxes of a world: the caller's, and boxes around it, each twice as large as the one before
-with nodes twice as far apart."""
+"""The boxes of a world: the given box, and boxes around it, each with twice the size and twice the
+node spacing of the previous one."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _MOST = 20
 def boxes_of(
     inner: Lattice, extent: Any, contraction: Optional[Callable[..., Any]], device: Any
 ) -> list[Lattice]:
-    """`inner`, and the boxes around it that reach `extent` half sides of it, or as far as a
-    contraction of space tells places apart."""
+    """`inner`, and boxes around it: out to `extent` half sides of `inner`, or as far as a
+    contraction of space still resolves positions."""
     if extent is not None and contraction is not None:
         raise Error("contraction: found one beside extent, expected one of the two")
     if contraction is not None:
@@ -44,8 +44,8 @@ def boxes_of(
 
 
 def _contracted(inner: Lattice, contraction: Callback) -> int:
-    """Boxes until a doubling of the distance is shorter, in contracted space, than the way between
-    two nodes in the middle."""
+    """The number of boxes until doubling the distance covers less contracted space than the node
+    spacing at the centre."""
     middle, half = (inner.low + inner.high) / 2, (inner.high - inner.low) / 2
     axis = int(np.argmax(half))
     away = np.zeros((_MOST + 4, 3))

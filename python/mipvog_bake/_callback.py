@@ -1,4 +1,4 @@
-"""Calls of somebody's model: NumPy or torch in, checked NumPy out."""
+"""Calls of the caller's model: passes NumPy or torch arrays, returns checked NumPy arrays."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ _ADDED = ("bfloat16", "float8_e4m3fn", "float8_e5m2")
 
 
 class Callback:
-    """A function of rows of three numbers that gives `width` numbers a row.
+    """A function from rows of three numbers to `width` numbers per row.
 
-    It gets tensors if a `device` is named, if it is a torch module (on the device of its
-    parameters), or if it does not take arrays and torch is loaded.
+    It gets tensors if a `device` is given, if it is a torch module (on the device of its
+    parameters), or if it does not accept arrays and torch is loaded. Otherwise it gets NumPy
+    arrays.
     """
 
     def __init__(self, name: str, function: Callable[..., Any], width: int, device: Any) -> None:
@@ -131,8 +132,8 @@ class Callback:
 
 
 def tensor_values(value: Any) -> Any:
-    """The values of a tensor of torch, which NumPy can read; anything else as it is. Parameters are
-    only read, and bfloat16, which NumPy does not have, becomes float32."""
+    """The values of a torch tensor in a form that NumPy can read; any other value unchanged.
+    Parameters are detached, and bfloat16, which NumPy lacks, becomes float32."""
     torch = sys.modules.get("torch")
     if torch is None or not isinstance(value, torch.Tensor):
         return value
@@ -141,12 +142,12 @@ def tensor_values(value: Any) -> Any:
 
 
 def plain_floats(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Numbers of a kind that other packages added to NumPy, such as bfloat16, as float32."""
+    """Converts number types that other packages add to NumPy, such as bfloat16, to float32."""
     return array.astype(np.float32) if array.dtype.name in _ADDED else array
 
 
 def _warn_of_training(name: str, function: Any) -> None:
-    """Warns of a torch module whose values are other ones while it is trained."""
+    """Warns of a torch module in training mode, in which its values differ."""
     torch = sys.modules.get("torch")
     owner = getattr(function, "__self__", function)
     if torch is None or not isinstance(owner, torch.nn.Module):
@@ -167,7 +168,7 @@ def _changes(torch: Any, module: Any) -> bool:
 
 
 def _device_of(function: Any) -> Any:
-    """The device of a torch module, or of a method of one."""
+    """The device of a torch module, or of the module that a method belongs to."""
     torch = sys.modules.get("torch")
     owner = getattr(function, "__self__", function)
     if torch is None or not isinstance(owner, torch.nn.Module):

@@ -1,4 +1,4 @@
-"""Arguments held to what they should be, so that a wrong one is an `Error` and not NumPy's own."""
+"""Checks arguments, so that a wrong one raises `Error` instead of a NumPy exception."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Readable = Union[bytes, bytearray, memoryview, ReadableFile]
 
 
 def data(name: str, value: Any) -> Optional[bytes]:
-    """The bytes that a value is or holds; None for anything else, such as a path."""
+    """The bytes of a bytes-like object or a binary file; None for anything else, such as a path."""
     if isinstance(value, (bytes, bytearray, memoryview)):
         return bytes(value)
     read = getattr(value, "read", None)
@@ -46,7 +46,7 @@ def data(name: str, value: Any) -> Optional[bytes]:
 
 
 def path(name: str, value: Any) -> str:
-    """A path as text."""
+    """A path as a string."""
     try:
         return os.fsdecode(value)
     except (TypeError, UnicodeDecodeError) as error:
@@ -54,14 +54,14 @@ def path(name: str, value: Any) -> str:
 
 
 def function(name: str, value: Any) -> Any:
-    """A function that is to be called."""
+    """A callable."""
     if not callable(value):
         raise Error(f"{name}: found {type(value).__name__}, expected a function")
     return value
 
 
 def whole(name: str, value: Any, expected: str, least: int = 0, most: Optional[int] = None) -> int:
-    """A whole number from `least` to `most`."""
+    """An integer from `least` to `most`."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
@@ -71,7 +71,7 @@ def whole(name: str, value: Any, expected: str, least: int = 0, most: Optional[i
 
 
 def number(name: str, value: Any, expected: str, above: float = -math.inf) -> float:
-    """A finite number above another one."""
+    """A finite number greater than another."""
     try:
         found = float(value)
     except (TypeError, ValueError) as error:
@@ -82,7 +82,7 @@ def number(name: str, value: Any, expected: str, above: float = -math.inf) -> fl
 
 
 def numbers(name: str, value: Any, expected: str) -> npt.NDArray[np.float64]:
-    """Real numbers in any shape."""
+    """Real numbers of any shape."""
     try:
         found = np.asarray(value)
     except (TypeError, ValueError, RuntimeError) as error:
@@ -104,7 +104,7 @@ def rows(name: str, value: Any) -> npt.NDArray[np.float64]:
 
 
 def color(name: str, value: Any) -> list[float]:
-    """A colour: three numbers from 0 to 1, or one for all."""
+    """A colour: three numbers from 0 to 1, or one for all channels."""
     found = numbers(name, value, "three numbers from 0 to 1")
     inside = bool(((found >= 0) & (found <= 1)).all())
     if found.shape not in ((), (1,), (3,)) or not inside:

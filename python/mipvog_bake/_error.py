@@ -1,4 +1,4 @@
-"""The one exception of the module."""
+"""The only exception class of the module."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def _keyword(found: re.Match[str]) -> str:
 
 
 class Error(Exception):
-    """A failure: what was found, what was expected, and what to do.
+    """A failure: what was found, what was expected, and how to fix it.
 
-    `kind` is a word in snake case, such as `malformed`, `exists` or `usage`; `gate` stands for a
-    quality gate that is missed. `file` and `place` say where, if that is known. `exit_code` is what
-    the program would end with: 2 wrong usage, 3 malformed input, 4 unknown version or feature, 5
-    input or output failed, 6 over a limit, 7 the output exists, 1 a gate missed. `help` is the
-    remedy, and `report` the report of a bake that missed its gate.
+    `kind` is a word in snake case, such as `malformed`, `exists` or `usage`; `gate` means that a
+    quality gate failed. `file` and `place` locate the fault, if known. `exit_code` is the exit code
+    of the program: 1 a failed gate, 2 wrong usage, 3 malformed input, 4 an unknown version or
+    feature, 5 a failed read or write, 6 an exceeded limit, 7 an existing output. `help` is the
+    remedy. `report` is the report of a bake whose gate failed.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class Error(Exception):
 
 
 def from_native(message: str, *, help: str, report: Optional[str], **details: Any) -> Error:
-    """An error of the library, in which options have the names that keywords have."""
+    """Converts an error of the library. Option names become keyword names."""
     if help.startswith("see --help"):
         help = "see help(mipvog_bake.bake)"
     if details["file"] == "arrays" and details["kind"] == "malformed":
@@ -70,8 +70,8 @@ def from_native(message: str, *, help: str, report: Optional[str], **details: An
 
 
 def by_arrays(error: Error, colors: str) -> Error:
-    """An error of a bake by the names of the caller's arrays, which the library reads as the
-    standard input `-` and as the grid `k0`."""
+    """Renames an error's parts after the caller's arrays, which the library reads as standard input
+    `-` and as grid `k0`."""
     if error.file != "-":
         return error
     named = [
@@ -83,7 +83,7 @@ def by_arrays(error: Error, colors: str) -> Error:
 
 
 def bad_array(name: str, found: str, expected: str, help: str) -> Error:
-    """An array that cannot be taken."""
+    """The error for an array that cannot be used."""
     return Error(
         f"arrays: tensor {name}: found {found}, expected {expected}",
         kind="malformed",

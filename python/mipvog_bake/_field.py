@@ -1,4 +1,4 @@
-"""Open fields: what is in them, and how they look."""
+"""Open fields: their contents, samples and pictures."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Bounds(NamedTuple):
 
 
 class Field:
-    """A field that is open: a container, or a trained input that is not baked yet.
+    """An open field: a container, or a trained input that is not baked yet.
 
-    `open`, `from_arrays` and `from_model` make one. Values are read when something asks for them.
-    It can be pickled and copied: one of a path or of bytes as these and the options it was opened
-    with, one of arrays with its arrays. `close`, or the end of a `with` block, gives its memory
-    back; its file can be replaced while it is open, and it goes on to show what it has opened.
+    `open`, `from_arrays` and `from_model` return fields. Values are read on demand. Fields can be
+    pickled and copied: as their path or bytes with the options of `open`, or as their arrays.
+    `close`, or the end of a `with` block, frees the memory. The file of an open field can be
+    replaced; the field keeps showing the file that it opened.
     """
 
     def __init__(
@@ -73,8 +73,8 @@ class Field:
         return self._open
 
     def close(self) -> None:
-        """Gives the memory and the file back. What is known of the field stays known; its values
-        cannot be read any more."""
+        """Frees the memory and closes the file. Properties remain available; values can no longer
+        be read."""
         self._open, self._arrays, self._data = None, None, None
 
     def __enter__(self) -> Field:
@@ -94,13 +94,13 @@ class Field:
     def of_arrays(
         cls, arrays: _native.Arrays, report: Optional[dict[str, Any]] = None, colors: str = "sh"
     ) -> Field:
-        """A field whose file is made of arrays."""
+        """A field whose file consists of arrays."""
         native = _native.NativeField.of_arrays(arrays)
         return cls(native, arrays=arrays, report=report, colors=colors)
 
     @property
     def dimensions(self) -> tuple[int, int, int]:
-        """Nodes along x, y and z of the finest level."""
+        """Nodes of the finest level along x, y and z."""
         x, y, z = self._description["dimensions"]
         return x, y, z
 
@@ -112,25 +112,25 @@ class Field:
 
     @property
     def levels(self) -> list[dict[str, Any]]:
-        """The levels, fine to coarse, as `inspect` states them."""
+        """The levels, fine to coarse, as in the report of `inspect`."""
         levels: list[dict[str, Any]] = deepcopy(self._description["levels"])
         return levels
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """The container's metadata; of a field that is not baked, the settings of its rays."""
+        """The container's metadata. For a field that is not baked, the settings of its rays."""
         metadata: dict[str, Any] = deepcopy(self._description["metadata"])
         return metadata
 
     @property
     def model(self) -> str:
-        """`baked`, or the family of a trained input, as `inspect` states it."""
+        """`baked`, or the family of a trained input as in the report of `inspect`."""
         model: str = self._description["model"]
         return model
 
     @property
     def report(self) -> Optional[dict[str, Any]]:
-        """Of a field that `from_model` made: samples, bytes and the error of its fit."""
+        """For a field of `from_model`: numbers of samples, bytes and the error of its fit."""
         return self._report
 
     def unpack(self, levels: Union[None, int, Sequence[int]] = None) -> dict[str, Any]:
@@ -153,9 +153,9 @@ class Field:
     def probe(
         self, origins: Any, directions: Any, level: Optional[int] = None
     ) -> tuple[Floats, Floats, Floats]:
-        """The light along rays: `rgb` `[n, 3]` over the background and not clamped,
-        `transmittance` `[n]` and `depth` `[n]`. Directions need no unit length. All samples are of
-        one level, the finest unless `level` says another."""
+        """The light along rays: `rgb` `[n, 3]` over the background and not clamped, `transmittance`
+        `[n]` and `depth` `[n]`. Directions need not have unit length. All samples come from one
+        level, by default the finest."""
         starts, ways = _check.rows("origins", origins), _check.rows("directions", directions)
         if len(starts) != len(ways):
             raise Error(
@@ -169,8 +169,9 @@ class Field:
 
     def sample(self, positions: Any, level: int = 0) -> dict[str, Floats]:
         """Values at points of the world: `density` `[n]`, optical depth per world unit; `opacity`
-        `[n]` over one interval; `color` `[n, 3]`, that of all directions; and, where the field has
-        them, `features` `[n, F]` and `coefficients` `[n, B, 3]` of harmonics."""
+        `[n]` over one interval; and `color` `[n, 3]`, the part that does not depend on the
+        direction. If the field has them, also `features` `[n, F]` and `coefficients` `[n, B, 3]` of
+        harmonics."""
         points = _check.rows("positions", positions)
         found = self._values.sample(points, _level(level))
         density, opacity, color, features, coefficients = found
@@ -189,13 +190,13 @@ class Field:
         frame: Union[None, int, str] = None,
         progress: Union[None, bool, Progress] = None,
     ) -> Floats:
-        """A picture, `[height, width, 3]`, over the background and not clamped.
+        """Renders a picture `[height, width, 3]` over the background, not clamped.
 
-        `camera` is the path of a camera file, of which `frame` names or numbers a frame; a
-        dictionary of such a file or of one of its frames (`transform_matrix`, and `camera_angle_x`
-        or `fl_x`); a matrix from camera to world, whose angle of view along x is 0.691 radians; or
-        None for a view of all that is visible. `size` is width and height in pixels, or one number
-        for both. `progress` is as in `bake`.
+        `camera` is one of: the path of a camera file, from which `frame` picks a frame by name or
+        number; a dictionary in the form of such a file or of one of its frames (`transform_matrix`,
+        and `camera_angle_x` or `fl_x`); a camera-to-world matrix, with a horizontal angle of view
+        of 0.691 radians; or None for a view of everything visible. `size` is width and height in
+        pixels, or one number for both. `progress` is as in `bake`.
         """
         width, height = _check.size(size)
         text, path = None, None
@@ -209,10 +210,9 @@ class Field:
         return pixels.reshape(height, width, 3)
 
     def show(self, height: int = 480, *, progress: Union[None, bool, Progress] = None) -> View:
-        """The viewer in a frame of `height` pixels, which notebooks display. It needs no server,
-        and stays in the notebook: saved with it, and in what nbconvert makes of it. A field that is
-        not baked is baked first, with the default options. `progress` is as in `bake`.
-        """
+        """The viewer in a frame of `height` pixels, for notebooks. The frame needs no server and is
+        part of the notebook: saved notebooks and the output of nbconvert contain it. A field that
+        is not baked is first baked with the default options. `progress` is as in `bake`."""
         pixels = _check.whole("height", height, "a height in pixels")
         self._values  # noqa: B018, a closed field is refused here
         return View(page_of(self, progress), pixels)
@@ -236,10 +236,10 @@ def open(path: Union[PathName, Readable], **options: Any) -> Field:
     """Opens a container, a glTF asset with one, or anything that can be baked: a path, bytes, or a
     binary file that is open for reading, which is read to its end.
 
-    Options are those of scenes that the program has, with underscores: `stepsize=0.5`, `near=2`,
-    `mlp="none"`, `drop_background=True`, `field=1` for another field of an asset. Settings that
-    lie beside a trained input, such as `scene.toml`, count as they do for the program; bytes have
-    nothing beside them. A setting that nothing states is assumed, with a warning.
+    Options are the scene options of the program, with underscores: `stepsize=0.5`, `near=2`,
+    `mlp="none"`, `drop_background=True`, `field=1` for another field of an asset. As in the
+    program, settings files beside a trained input apply, such as `scene.toml`; bytes have no such
+    files. Missing settings are assumed, with a warning.
     """
     field = _of_source(path, options)
     for assumption in field._description["assumptions"]:
@@ -266,7 +266,7 @@ def _level(level: Optional[int]) -> int:
 
 
 def _camera(camera: Any) -> dict[str, Any]:
-    """A camera as a camera file has it."""
+    """A camera in the form of a camera file."""
     if isinstance(camera, Mapping):
         found = dict(camera)
         if "frames" in found:
@@ -292,7 +292,7 @@ def _matrix(value: Any) -> list[list[float]]:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no form for: numbers of NumPy."""
+    """Converts values that JSON cannot represent, such as NumPy numbers."""
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     found = type(value).__name__

@@ -1,4 +1,4 @@
-"""What cameras see: places outside of all pictures need no samples."""
+"""View frusta of cameras: points outside all pictures need no samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Doubles = npt.NDArray[np.float64]
 
 
 class Frusta(NamedTuple):
-    """The pyramids of cameras."""
+    """The view frusta of cameras."""
 
     # Places, `[n, 3]`.
     eyes: Doubles
@@ -25,7 +25,7 @@ class Frusta(NamedTuple):
     slopes: Doubles
 
     def see(self, centers: Doubles, radius: float) -> npt.NDArray[np.bool_]:
-        """True for balls `[m, 3]` of which some part may be in a picture."""
+        """True for balls `[m, 3]` that may be partly visible in a picture."""
         seen = np.zeros(len(centers), dtype=bool)
         for eye, axes, (left, right, low, high) in zip(
             self.eyes, self.axes, self.slopes, strict=True
@@ -46,8 +46,8 @@ class Frusta(NamedTuple):
         return seen
 
     def rays(self, count: int) -> tuple[Doubles, Doubles]:
-        """Origins and unit directions of rays through pictures, spread evenly over cameras and, by
-        the R2 sequence, over pictures; its base solves x**3 = x + 1."""
+        """Origins and unit directions of rays through pictures, spread evenly over the cameras and,
+        by the R2 sequence, over the pictures. The base of the sequence solves x**3 = x + 1."""
         number = np.arange(count)
         # Of more cameras than rays, as many as there are rays.
         camera = number * max(1, len(self.eyes) // count) % len(self.eyes)
@@ -61,9 +61,10 @@ class Frusta(NamedTuple):
 
 
 def frusta_of(cameras: Any) -> Frusta:
-    """Those of a camera file, of COLMAP's folder, or of the same frames in a dictionary.
+    """The view frusta of a camera file, a COLMAP folder, or the same frames in a dictionary.
 
-    Raises `Error` for cameras without a lens."""
+    Raises `Error` for cameras without a lens.
+    """
     is_path = isinstance(cameras, (str, os.PathLike))
     text, path = (None, os.fspath(cameras)) if is_path else (json.dumps(cameras), None)
     matrices, slopes = _native.frusta(text, path)

@@ -1,7 +1,7 @@
-"""The pictures of a sampled model, held against the model's own: rays marched through both.
+"""Compares pictures of a sampled model with the model's own, by rays marched through both.
 
-Samples of voxels do not see all: matter that is thinner than a node spacing lets light pass in the
-field, though the model stops it. Only rays tell.
+Samples at voxels miss some errors: the field transmits light through matter thinner than a node
+spacing, which the model blocks. Only rays show this.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ def judge(
     points: int,
     frusta: Optional[Frusta],
 ) -> dict[str, float]:
-    """Marches rays of cameras with lenses; without, from all around through the middle parts of the
-    box, and of a world from within the first of its boxes. `picture_psnr` compares their colours,
-    and the transmittances are means over rays, of the field and of the model."""
+    """Marches rays of the cameras, if they have lenses. Otherwise, rays come from all around
+    through the central parts of the box or, in a world, from inside its first box. `picture_psnr`
+    compares the colours of field and model; the transmittances are means over the rays, of the
+    field and of the model."""
     lattice = lattices[0]
     if frusta is not None:
         origins, ways = frusta.rays(RAYS)
@@ -68,7 +69,7 @@ def judge(
 
 
 def _rays(lattice: Lattice) -> tuple[Doubles, Doubles]:
-    """Origins on a sphere around the box, and unit directions to points inside of it."""
+    """Origins on a sphere around the box, and unit directions to points inside the box."""
     extent = lattice.high - lattice.low
     middle = 0.5 * (lattice.high + lattice.low)
     origins = middle + _sphere() * _EYE * 0.5 * float(np.linalg.norm(extent))
@@ -77,7 +78,7 @@ def _rays(lattice: Lattice) -> tuple[Doubles, Doubles]:
 
 
 def _sphere() -> Doubles:
-    """Unit vectors all around, on a spiral."""
+    """Unit vectors in all directions, on a spiral."""
     number = np.arange(RAYS)
     height = 1 - (2 * number + 1) / RAYS
     around = number * math.pi * (3 - math.sqrt(5))
@@ -86,14 +87,15 @@ def _sphere() -> Doubles:
 
 
 def _inside(lattice: Lattice) -> Doubles:
-    """Points inside of a box, spread evenly by the R3 sequence; its base solves x**4 = x + 1."""
+    """Points inside a box, spread evenly by the R3 sequence. The base of the sequence solves x**4 =
+    x + 1."""
     shares = (0.5 + np.arange(RAYS)[:, None] / 1.2207440846057596 ** np.arange(1, 4)) % 1
     places: Doubles = lattice.low + (0.15 + 0.7 * shares) * (lattice.high - lattice.low)
     return places
 
 
 def _looks(lattice: Lattice, density: Callback) -> tuple[Doubles, Doubles]:
-    """Origins in a box where nothing is, and unit directions all around."""
+    """Origins at empty places in a box, and unit directions all around."""
     places = _inside(lattice)
     free = places[density(places.astype(np.float32)) <= lattice.faint]
     places = np.resize(free, places.shape) if len(free) else places
@@ -101,8 +103,8 @@ def _looks(lattice: Lattice, density: Callback) -> tuple[Doubles, Doubles]:
 
 
 def _edges(lattice: Lattice, far: float) -> tuple[Doubles, Doubles]:
-    """Where steps of rays from within a box begin, and their lengths, which double with the
-    distance: beyond the diagonal of a box, a ray has left it."""
+    """Starts and lengths of the steps of rays from inside a box. Lengths double with the distance:
+    beyond the diagonal of a box, a ray has left it."""
     step = float(lattice.spacing.min()) / SAMPLES
     reach = float(np.linalg.norm(lattice.high - lattice.low))
     starts, widths, at = [], [], 0.0
@@ -124,8 +126,8 @@ def _march(
     origins: Doubles,
     ways: Doubles,
 ) -> tuple[Doubles, Doubles]:
-    """Colours and transmittances of rays through the model itself, to where they leave the last of
-    the boxes."""
+    """Colours and transmittances of rays through the model itself, up to where they leave the last
+    box."""
     last = lattices[-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         faces = np.stack([last.low - origins, last.high - origins]) / ways

@@ -1,4 +1,4 @@
-"""`from_model`: a field of samples of anybody's model."""
+"""`from_model`: makes a field from samples of any model."""
 
 from __future__ import annotations
 
@@ -50,34 +50,35 @@ def from_model(
     contraction: Optional[Callable[..., Any]] = None,
     progress: Union[None, bool, Progress] = None,
 ) -> Field:
-    """Samples a model, and gives a field that `bake` takes.
+    """Samples a model and returns a field for `bake`.
 
-    `density(positions[n, 3])` gives `[n]`, optical depth per world unit. `color(positions[n, 3],
-    directions[n, 3])` gives `[n, 3]`, 0 to 1, of matter seen along unit directions that point into
-    the scene. Both get float32 arrays of NumPy, or tensors of torch on `device`; both may give
-    either.
+    `density(positions[n, 3])` returns `[n]`, optical depth per world unit. `color(positions[n, 3],
+    directions[n, 3])` returns `[n, 3]`, 0 to 1: the colour of matter along unit directions that
+    point into the scene. Both get float32 NumPy arrays, or torch tensors on `device`; both may
+    return either.
 
-    `bounds` are two corners of a box in world units. `resolution` is the number of nodes along its
-    longest axis, or along each. Occupied blocks are found first; densities are means over voxels,
-    and colours harmonics of `sh_degree`, 0 to 3, that are fitted along the directions from which a
-    node is seen: from `cameras` (a camera file, COLMAP's folder, their frames in a dictionary,
-    places `[n, 3]`, or matrices from camera to world), or from all around without at least 16.
-    Where cameras have lenses, which files and frames state, what no picture shows is not sampled.
+    `bounds` are two corners of a box in world units. `resolution` is the number of nodes along the
+    longest axis, or along each axis. Occupied blocks are found first. Densities are means over
+    voxels. Colours are harmonics of degree `sh_degree`, 0 to 3, fitted along the directions from
+    which each node is seen. These directions come from `cameras`: a camera file, a COLMAP folder,
+    their frames in a dictionary, positions `[n, 3]`, or camera-to-world matrices. With fewer than
+    16 cameras, they come from all around. If the cameras have lenses, as in files and frames, parts
+    that no picture shows are not sampled.
 
-    A world goes on outside `bounds`. `extent` samples it in boxes around them, each twice as large
-    with nodes twice as far apart, until one reaches `extent` half sides from the middle. Instead,
-    `contraction(positions[n, 3]) -> [n, 3]`, the model's own, tells how far there is detail. What
-    lies around `bounds` is seen from `cameras`, or from within.
+    A world extends beyond `bounds`. With `extent`, boxes around `bounds` are sampled, each with
+    twice the size and node spacing of the previous one, until one reaches `extent` half sides from
+    the centre. Alternatively, the model's own `contraction(positions[n, 3]) -> [n, 3]` decides how
+    far the boxes reach. The surroundings are seen from `cameras`, or from inside `bounds`.
 
-    `max_memory` bounds the bytes that this function takes beside the model itself; less than what
-    the samples need is refused, at once where that is known. Smaller bounds also mean smaller
-    batches. `progress` is as in `bake`: a function of the step and the share of all the work, or
-    True for a bar.
+    `max_memory` limits the bytes that this function uses, without those of the model itself. A
+    limit that is too small for the samples is refused, immediately if possible. Smaller limits also
+    mean smaller batches. `progress` is as in `bake`: a function of the step and the completed share
+    of all work, or True for a bar.
 
-    The field's `report` has the number of samples, the bytes, the error of the fit along
-    directions that no fit has seen, `view.held_out_psnr`, and `picture_psnr`, that of rays through
-    the field against rays through the model. Matter thinner than a node spacing is lost to samples:
-    a warning says so where rays tell.
+    The field's `report` has the number of samples and bytes; `view.held_out_psnr`, the error of the
+    fit along held-out directions; and `picture_psnr`, the error of rays through the field against
+    rays through the model. Samples miss matter thinner than a node spacing: if the rays show this,
+    a warning says so.
     """
     with shown(progress) as tell:
         return _sampled(
@@ -160,7 +161,7 @@ def _sampled(
 def _needed(
     lattices: list[Lattice], blocks: int, functions: int, points: int, max_memory: Optional[int]
 ) -> int:
-    """Bytes for so many blocks with matter. Refuses more than the bound."""
+    """Bytes for a number of occupied blocks. Refuses more than the limit."""
     # Values of nodes, and the number of each block of the boxes.
     numbers = 8 * sum(int(lattice.blocks.prod()) for lattice in lattices)
     held = blocks * NODES * (4 + 6 + 6 * functions) + numbers
@@ -177,7 +178,7 @@ def _needed(
 
 
 def _points(max_memory: Optional[int]) -> int:
-    """Points of a chunk: an eighth of the memory, within limits."""
+    """Points per chunk: an eighth of the memory, within limits."""
     if max_memory is None:
         return MOST_POINTS
     bound = _check.whole("max_memory", max_memory, "a number of bytes above 0", 1)
@@ -211,7 +212,7 @@ def _no_matter(lattice: Lattice) -> Error:
 
 
 def _seen_from(cameras: Any) -> tuple[list[list[float]], Optional[Frusta]]:
-    """The places of cameras, and what they see where they have lenses."""
+    """The positions of cameras and, if they have lenses, their view frusta."""
     if cameras is None:
         return [], None
     if isinstance(cameras, (str, os.PathLike, Mapping)):

@@ -1,4 +1,4 @@
-"""Options of functions as words of the program."""
+"""Converts keyword options to arguments of the program."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BETWEEN = {"size": "x", "max_error": ":"}
 
 
 def source(name: str, value: Any) -> str:
-    """The path of an input, which is no stream."""
+    """The path of an input; refuses standard streams."""
     path = _check.path(name, value)
     if path == "-":
         raise Error(f"{name}: found the standard input, expected a path")
@@ -28,7 +28,8 @@ def source(name: str, value: Any) -> str:
 
 
 def words(verb: str, options: Mapping[str, Any]) -> Iterator[str]:
-    """The options of a verb, or of `open`. One that is None or False is not given."""
+    """The arguments for the options of a verb or of `open`. Options that are None or False are
+    ignored."""
     again = dict(_native.option_names(verb))
     for name, value in options.items():
         option = name.replace("_", "-")

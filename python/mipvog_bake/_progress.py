@@ -1,4 +1,4 @@
-"""Progress as callers want to see it: a function of theirs, a bar, or nothing."""
+"""Progress for the caller: the caller's function, a bar, or nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Progress = Callable[[str, float], Any]
 
 @contextmanager
 def shown(progress: Union[None, bool, Progress]) -> Iterator[Optional[Progress]]:
-    """A callback for what the user wants to see."""
+    """A callback that shows progress as the caller requested."""
     if progress is None or progress is False:
         yield None
         return
@@ -37,7 +37,7 @@ def shown(progress: Union[None, bool, Progress]) -> Iterator[Optional[Progress]]
 
 
 def _lines() -> Callable[[str, float], None]:
-    """Lines on the standard error, one a step."""
+    """Prints a line per step to stderr."""
     last = None
 
     def show(step: str, share: float) -> None:

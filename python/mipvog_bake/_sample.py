@@ -1,14 +1,14 @@
-"""Density of somebody's model at the nodes of a box: occupied blocks first, and then only those.
+"""Density of any model at the nodes of a box: finds occupied blocks, then samples only those.
 
-A block is 8 nodes a side. Every node is looked at once; a block is kept if one of its nodes or of
-their neighbours holds matter. In kept blocks the density of a node is the mean over its voxel, of
+A block has 8 nodes per side. Every node is tested once. A block is kept if any of its nodes or of
+their neighbours holds matter. In kept blocks, the density of a node is the mean over its voxel, of
 8 samples:
 
     density = -log(mean of exp(-h d)) / h        h the node spacing, d the samples' densities
 
-That is the one through which as much light passes. Where matter is faint it is the mean of `d`; at
-a hard surface a voxel that is half empty stays half transparent. The `shift` of a node leads to the
-middle of the matter around it, where its colour is asked for.
+This density transmits as much light as the voxel. In thin matter, it equals the mean of `d`; at a
+hard surface, a half-empty voxel stays half transparent. The `shift` of a node points to the centre
+of the matter around it, where its colour is sampled.
 """
 
 from __future__ import annotations
@@ -59,13 +59,13 @@ class Lattice:
         self.blocks = -(-self.counts // EDGE)
 
     def place(self, nodes: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-        """The places of nodes, which may be fractions; none is outside of the box."""
+        """The positions of nodes, whose indices may be fractions, clamped to the box."""
         places: Doubles = self.low + nodes * self.spacing
         return np.clip(places, self.low, self.high).astype(np.float32)
 
     @property
     def faint(self) -> float:
-        """The density from which a node holds matter."""
+        """Nodes of greater density hold matter."""
         return FAINT / float(self.spacing.min())
 
 
@@ -77,9 +77,9 @@ def occupied_blocks(
     frusta: Optional[Frusta],
     tell: Callable[[float], object],
 ) -> npt.NDArray[np.int64]:
-    """The blocks with matter in them or beside them, `[n, 3]`, in order; what lies within a smaller
-    box, more than a node from its faces, is not looked at, nor are blocks outside of all `frusta`.
-    `tell` is called with the share of the nodes that were looked at."""
+    """The blocks that hold matter or touch one that does, `[n, 3]`, in order. Places more than a
+    node inside a smaller box are not tested, nor are blocks outside all `frusta`. `tell` is called
+    with the share of tested nodes."""
     blocks = lattice.blocks
     kept = np.zeros(blocks, dtype=bool)
     seen = seen_blocks(lattice, frusta)
@@ -108,8 +108,8 @@ def occupied_blocks(
 
 
 def seen_blocks(lattice: Lattice, frusta: Optional[Frusta]) -> Bools:
-    """True of blocks whose cells may be in a picture. Cells reach to the nodes of the next blocks,
-    on both sides."""
+    """True for blocks whose cells may be visible in a picture. Cells extend to the nodes of the
+    next blocks on both sides."""
     if frusta is None:
         return np.ones(lattice.blocks, dtype=bool)
     numbers = np.argwhere(np.ones(lattice.blocks, dtype=bool))
@@ -121,7 +121,7 @@ def seen_blocks(lattice: Lattice, frusta: Optional[Frusta]) -> Bools:
 def _outside(
     places: npt.NDArray[np.float32], lattice: Lattice, smaller: Optional[Lattice]
 ) -> Bools:
-    """True of places that are not deep within a smaller box."""
+    """True for places that are not deep inside a smaller box."""
     if smaller is None:
         return np.ones(len(places), dtype=bool)
     low, high = smaller.low + lattice.spacing, smaller.high - lattice.spacing
@@ -130,7 +130,7 @@ def _outside(
 
 
 def _blocks_near(plane: npt.NDArray[Any]) -> Bools:
-    """Blocks of a plane with a node that is set, or beside one."""
+    """Blocks of a plane that contain or touch a marked node."""
     grown = _grown(_grown(plane, 0), 1)
     ny, nz = grown.shape
     blocks = grown.reshape(ny // EDGE, EDGE, nz // EDGE, EDGE)
@@ -139,7 +139,7 @@ def _blocks_near(plane: npt.NDArray[Any]) -> Bools:
 
 
 def _grown(values: Bools, axis: int) -> Bools:
-    """The same with the neighbours along an axis of all that is set."""
+    """Adds the neighbours along an axis of all marked nodes."""
     grown = values.copy()
     ahead = [slice(None)] * values.ndim
     behind = [slice(None)] * values.ndim
@@ -163,7 +163,8 @@ def fill_density(
     mean: npt.NDArray[np.float32],
     shift: npt.NDArray[np.float16],
 ) -> Iterator[int]:
-    """Fills `mean` `[n, 512]` and `shift` `[n, 512, 3]`, chunk by chunk; yields blocks done."""
+    """Fills `mean` `[n, 512]` and `shift` `[n, 512, 3]` chunk by chunk; yields the number of
+    finished blocks."""
     chunk = max(1, points // (NODES * len(SUBSAMPLES)))
     for start in range(0, len(blocks), chunk):
         nodes = nodes_of(blocks[start : start + chunk])
@@ -189,7 +190,7 @@ def _parts(rows: npt.NDArray[Any], count: int) -> Iterator[npt.NDArray[Any]]:
 
 
 class Neighbours:
-    """Looks from the nodes of blocks at the nodes around them, across the borders of blocks."""
+    """Reads the neighbours of nodes, across the borders of blocks."""
 
     def __init__(self, lattice: Lattice, blocks: npt.NDArray[np.int64]) -> None:
         self._blocks = blocks
@@ -205,9 +206,9 @@ class Neighbours:
         start: int,
         end: int,
     ) -> tuple[Bools, npt.NDArray[np.float16]]:
-        """Of blocks `start` to `end`: the nodes with matter or beside some, `[n, 512]`, and the
-        shifts to it, `[n, 512, 3]`. A node without matter has none of its own: its shift leads to
-        the middle of what its neighbours hold."""
+        """For blocks `start` to `end`: the nodes with matter or beside matter, `[n, 512]`, and
+        their shifts towards it, `[n, 512, 3]`. The shift of a node without matter points to the
+        centre of its neighbours' matter."""
         density = self._padded(mean, start, end)
         matter = density > faint
         near = matter
@@ -227,8 +228,8 @@ class Neighbours:
         return near[inner].reshape(-1, NODES), found.reshape(-1, NODES, 3)
 
     def _padded(self, values: npt.NDArray[Any], start: int, end: int) -> npt.NDArray[Any]:
-        """Values of blocks `start` to `end` with those of one node around each block, 0 where there
-        is no block: `[n, 10, 10, 10, ...]` of `[n, 512, ...]`."""
+        """Values of blocks `start` to `end` with a border of one node around each block, `[n, 10,
+        10, 10, ...]` from `[n, 512, ...]`. Borders without a block are 0."""
         own, rest = self._blocks[start:end], values.shape[2:]
         padded = np.zeros((len(own), *(EDGE + 2,) * 3, *rest), dtype=values.dtype)
         # Of the block before only its last node, of the one behind only its first.

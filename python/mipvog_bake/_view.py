@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class View:
     """A frame with the viewer, which a notebook displays as the result of a cell.
 
-    The frame holds the page and the field, so the notebook shows both wherever it is opened. The
-    page is kept apart from the notebook: its scripts see nothing of it.
+    The frame contains the page and the field, so the notebook shows both wherever it is opened. The
+    page is isolated from the notebook: its scripts have no access to it.
     """
 
     def __init__(self, page: str, height: int) -> None:
@@ -40,7 +40,7 @@ class View:
 
 
 def page_of(field: Field, progress: Union[None, bool, Progress]) -> str:
-    """The viewer's page with a field in it. A field that is not baked is baked first."""
+    """The viewer's page with a field. A field that is not baked is baked first."""
     from ._bake import bake
 
     with tempfile.TemporaryDirectory(prefix="mipvog-bake-") as folder:

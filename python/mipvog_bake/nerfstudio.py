@@ -25,8 +25,8 @@ _RESOLUTION = 256
 
 
 def functions(field: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """The density and colour functions of a `nerfstudio.fields.base_field.Field`, as `from_model`
-    takes them: of tensors on the field's device."""
+    """The density and colour functions of a `nerfstudio.fields.base_field.Field` for `from_model`,
+    with tensors on the field's device."""
     import torch
     from nerfstudio.cameras.rays import Frustums, RaySamples
     from nerfstudio.field_components.field_heads import FieldHeadNames
@@ -53,8 +53,8 @@ def functions(field: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
 def space(
     field: Any, scene_box: Any, bounds: Optional[Sequence[float]] = None
 ) -> tuple[list[list[float]], Optional[Callable[..., Any]]]:
-    """The box to bake and what lies around it: that of the scene, or the one that is given, without
-    surroundings; of a contracted scene, the cube that is as it was and the contraction."""
+    """The box to bake and its surroundings: the given box without surroundings, or the box of the
+    scene. For a contracted scene, the uncontracted cube and the contraction."""
     distortion = getattr(field, "spatial_distortion", None)
     if bounds is None and distortion is not None:
         return [[-1.0] * 3, [1.0] * 3], distortion
@@ -63,7 +63,7 @@ def space(
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Runs the command, and gives its exit code."""
+    """Runs the command and returns its exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m mipvog_bake.nerfstudio",
         description="Bakes a trained nerfstudio scene; options of mipvog-bake bake may follow.",
@@ -148,8 +148,8 @@ def _bake_config(known: argparse.Namespace, options: dict[str, Any]) -> dict[str
 
 
 def _background(model: Any) -> Sequence[float]:
-    """The colour behind the scene that the model was trained with; black where it takes the last
-    sample's, which no container can, or a random one."""
+    """The background colour of the training. Black if the training used the last sample's colour,
+    which containers cannot store, or a random colour."""
     found = getattr(getattr(model, "renderer_rgb", None), "background_color", None)
     if isinstance(found, str):
         return (1.0, 1.0, 1.0) if found == "white" else (0.0, 0.0, 0.0)
@@ -160,13 +160,13 @@ def _background(model: Any) -> Sequence[float]:
 
 
 def _range(model: Any) -> dict[str, float]:
-    """Where the collider lets rays begin: nearer samples were never trained."""
+    """The range in which the collider lets rays start: nearer samples were never trained."""
     near = getattr(getattr(model, "collider", None), "near_plane", None)
     return {} if near is None else {"near": float(near)}
 
 
 def _cameras(pipeline: Any) -> Any:
-    """The training's cameras, if it still knows them; pinholes with their lenses."""
+    """The training cameras, if the run still has them: pinholes with their lenses."""
     dataset = getattr(getattr(pipeline, "datamanager", None), "train_dataset", None)
     cameras = getattr(dataset, "cameras", None)
     if cameras is None:
@@ -190,7 +190,7 @@ def _cameras(pipeline: Any) -> Any:
 
 
 def _options(words: Sequence[str]) -> dict[str, Any]:
-    """`--name value`, `--name=value` and `--name` as keywords."""
+    """Parses `--name value`, `--name=value` and `--name` into keywords."""
     options: dict[str, Any] = {}
     left = list(words)
     while left:

@@ -1,12 +1,12 @@
-"""Many scenes on a Ray cluster: `python -m mipvog_bake.ray MANIFEST.jsonl --output URI`.
+"""Bakes many scenes on a Ray cluster: `python -m mipvog_bake.ray MANIFEST.jsonl --output URI`.
 
-1. `manifest`: a line a scene, held to its form before any scene is baked.
-2. `driver`: keeps a bounded number of tasks in flight, and writes a line of the report as each
-   ends. Scheduling, retries of lost workers and placement are Ray's.
-3. `task`: on a worker, brings the inputs to its disk, runs the program `mipvog-bake` as a process
-   of its own, and puts the output into the store.
-4. `store`: local paths, and all stores that fsspec knows.
-5. `program`: finds and runs the program, which forecasts, bakes and sums up.
+1. `manifest`: one line per scene. All lines are checked before any scene is baked.
+2. `driver`: keeps a bounded number of tasks in flight and writes a line of the report as each
+   ends. Ray handles scheduling, retries of lost workers and placement.
+3. `task`: on a worker, fetches the inputs to its disk, runs the program `mipvog-bake` in its own
+   process, and uploads the output to the store.
+4. `store`: local paths, and all stores that fsspec supports.
+5. `program`: finds and runs the program, which forecasts, bakes and summarizes.
 """
 
 try:

@@ -17,7 +17,8 @@ _INTERRUPTED = 130
 
 
 def main(arguments: Optional[list[str]] = None) -> int:
-    """Bakes the scenes of a manifest: 0, 1 if a scene failed, or the exit code of a failure."""
+    """Bakes the scenes of a manifest. Returns 0, 1 if a scene failed, or the exit code of a
+    failure."""
     asked = _parser().parse_args(arguments)
     try:
         return _run(asked)

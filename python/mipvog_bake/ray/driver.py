@@ -1,4 +1,4 @@
-"""Keeps scenes in flight on a cluster, and writes the report."""
+"""Keeps scenes in flight on a cluster and writes the report."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Options:
 
 
 def bake_all(options: Options, tell: Callable[[dict[str, Any]], None]) -> int:
-    """Bakes all scenes of a manifest, tells the result of each as it ends, and gives the number of
-    those that failed."""
+    """Bakes all scenes of a manifest, reports each result as it arrives, and returns the number of
+    failed scenes."""
     manifest.check(options.manifest)
     _connect(options.address)
     output = options.output if store.is_remote(options.output) else store.local_path(options.output)
@@ -83,7 +83,7 @@ def _raise_of_worker(reference: Any) -> None:
 
 
 def _remote(work: Callable[..., Any], **resources: Any) -> Any:
-    """A task that Ray runs again where its worker is lost, and not where it fails."""
+    """A task that Ray retries if its worker is lost, but not if it fails."""
     options = {"num_cpus": 1, "max_retries": _RETRIES, "retry_exceptions": False, **resources}
     return ray.remote(**options)(work)
 
@@ -104,7 +104,7 @@ def _connect(address: Optional[str]) -> None:
 
 
 def _reach(address: Optional[str]) -> None:
-    """Refuses a host and a port that nobody listens on: Ray would try for minutes."""
+    """Refuses a host and port without a listener, which Ray would try to reach for minutes."""
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")
     if not host or not port.isdigit():
         return
@@ -158,7 +158,7 @@ def _drive(jobs: Iterator[Job], tell: Callable[[dict[str, Any]], None]) -> int:
 
 
 def _looked_for(reference: Any, jobs: list[Job]) -> list[Union[dict[str, Any], Job]]:
-    """The jobs whose input is there, and the results of the others."""
+    """The jobs whose input exists, and the results of the others."""
     try:
         missing = _answer(reference)
         return [
@@ -169,7 +169,7 @@ def _looked_for(reference: Any, jobs: list[Job]) -> list[Union[dict[str, Any], J
 
 
 def _result(reference: Any, job: Job) -> Union[dict[str, Any], Job]:
-    """The result of a scene, or the job that it needs to be."""
+    """The result of a scene, or its job with more memory."""
     try:
         answer: Union[dict[str, Any], Needs] = _answer(reference)
         return _larger(job, answer) if isinstance(answer, Needs) else answer
@@ -190,8 +190,7 @@ def _answer(reference: Any) -> Any:
 
 
 def _larger(job: Job, needs: Needs) -> Job:
-    """A job with the memory that a forecast asks for, and the cores that share so much of a
-    node."""
+    """A job with the memory that a forecast requires, and the same share of a node's cores."""
     memory = int(needs.memory * _MARGIN)
     nodes = [node["Resources"] for node in _nodes() if node["Alive"]]
     fitting = [node for node in nodes if node.get("memory", 0) >= memory and node.get("CPU", 0)]
@@ -208,5 +207,5 @@ def _larger(job: Job, needs: Needs) -> Job:
 
 
 def dumps(result: dict[str, Any]) -> str:
-    """A result as a line."""
+    """A result as a line of JSON."""
     return json.dumps(result, ensure_ascii=False) + "\n"

@@ -1,4 +1,4 @@
-"""Failures in the words and with the exit codes of the program."""
+"""Failures with the messages and exit codes of the program."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ USAGE, MALFORMED, INPUT_OUTPUT, LIMIT = 2, 3, 5, 6
 
 
 class Failure(Exception):
-    """A sentence for the user, and the exit code."""
+    """A message for the user, and the exit code."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message, exit_code)

@@ -1,4 +1,5 @@
-"""The manifest: JSON lines, `{"input", "output", "options"}`, as `mipvog-bake bake --manifest`."""
+"""The manifest: JSON lines, `{"input", "output", "options"}`, as in `mipvog-bake bake
+--manifest`."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ _NAMES = ("input", "output", "options")
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene to bake: the words of its line."""
+    """A scene to bake: the values of its line."""
 
     input: str
     output: str
@@ -25,14 +26,14 @@ class Scene:
 
 
 def read(manifest: str) -> Iterator[Scene]:
-    """The scenes of a manifest, a path or a URI, one at a time."""
+    """The scenes of a manifest at a path or a URI, one at a time."""
     for number, line in enumerate(read_lines(manifest), 1):
         if line.strip():
             yield _scene(line, f"{manifest}: line {number}")
 
 
 def check(manifest: str) -> int:
-    """Reads all lines, keeps the names of the outputs, and gives the number of scenes."""
+    """Checks all lines, collects the names of the outputs, and returns the number of scenes."""
     outputs = set()
     for scene in read(manifest):
         # `./a` and `a` are one file.
@@ -47,7 +48,7 @@ def check(manifest: str) -> int:
 
 
 def folder(manifest: str) -> str:
-    """The folder that the inputs' paths are relative to."""
+    """The folder that paths of inputs are relative to."""
     return parent(manifest)
 
 

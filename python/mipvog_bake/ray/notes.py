@@ -1,8 +1,8 @@
-"""What an output in a store was baked from: a digest in the object's own metadata.
+"""Records the inputs of an output in a store: a digest in the metadata of the object.
 
-A run that goes on would else fetch every input and every former output, only to find all of them
-current. Sizes and tags of files, which a listing tells, are enough: a store gives other bytes
-another tag. Where the digest is missing or another one, the program looks at the bytes.
+Without it, a resumed run would fetch every input and every earlier output, only to find that all
+are up to date. Sizes and tags of files, which a listing contains, suffice: a store gives changed
+bytes a new tag. If the digest is missing or different, the program compares the bytes.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from . import store
 
 
 class Listings:
-    """The files of folders, each asked for once."""
+    """The files of folders, each listed once."""
 
     def __init__(self) -> None:
         self._known: dict[str, dict[str, list[Any]]] = {}
 
     def state(self, name: str) -> Optional[list[Any]]:
-        """Size and tag of a file; None for one that is not there, and for a folder."""
+        """Size and tag of a file; None for a missing file and for a folder."""
         folder, _, own = name.rpartition("/")
         if folder not in self._known:
             self._known[folder] = store.listing(folder)
@@ -29,8 +29,8 @@ class Listings:
 
 
 def digest(program: str, options: dict[str, Any], states: dict[str, Any]) -> Optional[str]:
-    """The digest of a program, its options, and its inputs by name, size and tag; None where a
-    file has no tag."""
+    """The digest of a program, its options, and its inputs by name, size and tag. None if a file
+    has no tag."""
     if any(state is None or state[1] is None for state in states.values()):
         return None
     text = json.dumps([program, options, states], sort_keys=True)

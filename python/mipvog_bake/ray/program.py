@@ -1,4 +1,4 @@
-"""The program `mipvog-bake`, run in a process of its own: its crash takes no worker down."""
+"""Runs the program `mipvog-bake` in its own process, so that a crash does not end the worker."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _NAME = "mipvog-bake"
 
 
 def find(asked: str | None) -> str:
-    """The program: the one that is asked for, that of the variable, the one beside the interpreter,
-    or the one on the search path."""
+    """The path of the program: the given one, that of the environment variable, the one beside the
+    interpreter, or the one on the search path."""
     for name in (asked, os.environ.get(VARIABLE), _beside(), _NAME):
         found = shutil.which(name) if name else None
         if found:
@@ -34,7 +34,7 @@ def find(asked: str | None) -> str:
 
 @cache
 def version(asked: str | None) -> str:
-    """What the program says of its version."""
+    """The program's version, as it prints it."""
     ended = subprocess.run(
         [find(asked), "version"], capture_output=True, encoding="utf-8", check=False
     )
@@ -42,14 +42,14 @@ def version(asked: str | None) -> str:
 
 
 def _beside() -> str:
-    """Where this module was installed with its own program."""
+    """The program that was installed with this module."""
     return os.path.join(os.path.dirname(sys.executable), _NAME)
 
 
 def bake(
     program: str, line: dict[str, Any], scratch: Path, *more: str
 ) -> tuple[dict[str, Any], str]:
-    """Bakes the scene of a manifest's line; gives its result, and the words on stderr."""
+    """Bakes the scene of a manifest's line. Returns its result and the text on stderr."""
     manifest = scratch / "scene.jsonl"
     manifest.write_text(json.dumps(line) + "\n", encoding="utf-8")
     arguments = ["bake", "--manifest", str(manifest), "--index", "0", "--progress=never", *more]

@@ -1,8 +1,8 @@
-"""The module's own program, kept ready in a process beside the worker: to start an interpreter for
-each scene would take longer than to bake a small one.
+"""Runs the program of this module in a process that stays ready beside the worker: starting an
+interpreter per scene would take longer than baking a small one.
 
-`python -m mipvog_bake.ray.resident` reads a JSON object a line, the arguments of the program and
-two files for what it prints, and answers each with the exit code.
+`python -m mipvog_bake.ray.resident` reads one JSON object per line: the arguments of the program
+and two files for its output. It answers each line with the exit code.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ _process: Optional[subprocess.Popen[str]] = None
 
 
 def run(arguments: list[str], scratch: Path) -> tuple[int, str, str]:
-    """The exit code of the program, less than 0 for a signal that ended it, and what it wrote to
-    stdout and stderr."""
+    """The program's exit code, negative for a signal that ended it, and its output on stdout and
+    stderr."""
     global _process
     out, err = scratch / "stdout", scratch / "stderr"
     if _process is None or _process.poll() is not None:

@@ -1,4 +1,4 @@
-"""Files on local disks and in the stores that fsspec knows, such as `s3://` and `gs://`."""
+"""Files on local disks and in the stores that fsspec supports, such as `s3://` and `gs://`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def parent(name: str) -> str:
 
 
 def below(folder: str, name: str) -> str:
-    """A name that is a URI, absolute, or relative to a folder."""
+    """A name relative to a folder, unless it is a URI or absolute."""
     if "://" in name or os.path.isabs(name):
         found = name
     else:
@@ -58,7 +58,7 @@ def below(folder: str, name: str) -> str:
 
 
 def read_lines(name: str) -> Iterator[str]:
-    """The lines of a text."""
+    """The lines of a text file."""
     place = name if is_remote(name) else local_path(name)
     text = fsspec.open(place, mode="rt", encoding="utf-8")
     with _tried("read", name, text.open) as file:
@@ -69,7 +69,7 @@ def read_lines(name: str) -> Iterator[str]:
 
 
 def size(name: str) -> int:
-    """The bytes of an input; of a folder 0."""
+    """The size of an input in bytes; 0 for a folder."""
     if not is_remote(name):
         found = _tried("read", name, lambda: os.stat(local_path(name)))
         return found.st_size if stat.S_ISREG(found.st_mode) else 0
@@ -78,21 +78,22 @@ def size(name: str) -> int:
 
 
 def exists(name: str) -> bool:
-    """True if there is a file of this name."""
+    """True if the file exists."""
     if not is_remote(name):
         return os.path.exists(local_path(name))
     return _with_store("read", name, lambda store, path: bool(store.exists(path)))
 
 
 def _state(info: dict[str, Any]) -> list[Any]:
-    """Size and tag, from what a store tells of a file."""
+    """Size and tag of a file, from the store's information."""
     names = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "updated", "mtime")
     tags = [info[name] for name in (*names, "created") if info.get(name) is not None]
     return [info.get("size"), str(tags[0]) if tags else None]
 
 
 def baked_from(name: str) -> Optional[tuple[str, int]]:
-    """The digest that `put` noted with a file, and the file's size; None where it has none."""
+    """The digest that `put` recorded with a file, and the size of the file; None without a
+    digest."""
 
     def look(store: Any, path: str) -> Optional[tuple[str, int]]:
         if not _names(store) & _NOTED:
@@ -108,7 +109,7 @@ def baked_from(name: str) -> Optional[tuple[str, int]]:
 
 
 def listing(folder: str) -> dict[str, list[Any]]:
-    """Size and tag of each file in a folder of a store, by its name there, in one request."""
+    """Size and tag of each file in a folder of a store, by name, in one request."""
 
     def look(store: Any, path: str) -> dict[str, list[Any]]:
         try:
@@ -122,7 +123,7 @@ def listing(folder: str) -> dict[str, list[Any]]:
 
 
 def fetch(name: str, folder: Path) -> Path:
-    """Copies a file, or a folder, from a store into a local folder."""
+    """Copies a file or folder from a store into a local folder."""
     target = folder / name.rstrip("/").rsplit("/", 1)[-1]
 
     def get(store: Any, path: str) -> None:
@@ -139,8 +140,8 @@ def fetch(name: str, folder: Path) -> Path:
 
 
 def put(file: Path, name: str, note: Optional[str] = None) -> None:
-    """Copies a local file into a store, where it appears whole or not at all. Stores that keep
-    metadata with a file keep a note too."""
+    """Copies a local file into a store, where it appears completely or not at all. Stores that
+    support metadata also record a note."""
 
     def copy(store: Any, path: str) -> None:
         if _names(store) & _ATOMIC:
@@ -164,7 +165,7 @@ def put(file: Path, name: str, note: Optional[str] = None) -> None:
 
 
 def check_output(folder: str) -> None:
-    """Refuses a folder that cannot be written to, by writing a file there and removing it."""
+    """Refuses a folder that is not writable: writes a test file there and removes it."""
     if not is_remote(folder):
         path = local_path(folder)
         _tried("write", folder, lambda: os.makedirs(path, exist_ok=True))
@@ -200,7 +201,7 @@ def _with_store(
 
 
 def _tried(verb: str, name: str, work: Callable[[], Result]) -> Result:
-    """Does work again where a store failed and may not fail again."""
+    """Repeats work after a failure of the store that may be temporary."""
     pause = _PAUSE
     for tries in range(1, _TRIES + 1):
         try:

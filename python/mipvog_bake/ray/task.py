@@ -1,4 +1,4 @@
-"""A scene on a worker."""
+"""Bakes a scene on a worker."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WORDS = ("auto", "none")
 
 @dataclass(frozen=True)
 class Job:
-    """A scene, and what all workers need to know."""
+    """A scene, and the data that all workers need."""
 
     scene: Scene
     # The folder that the manifest's paths are relative to.
@@ -38,19 +38,19 @@ class Job:
     is_forecast: bool = False
 
     def with_memory(self, memory: int, threads: int) -> Job:
-        """The same after a forecast."""
+        """The job with the memory of a forecast."""
         return replace(self, memory=memory, threads=threads, is_forecast=True)
 
 
 @dataclass(frozen=True)
 class Needs:
-    """More memory than was set aside."""
+    """More memory than was reserved."""
 
     memory: int
 
 
 def look(jobs: list[Job]) -> list[Optional[dict[str, Any]]]:
-    """The results of scenes whose input cannot be read, and of those that are current by their
+    """The results of scenes whose input is unreadable and of those that are up to date by their
     notes; None for the others."""
     listings = notes.Listings()
     return [_known(job, listings) for job in jobs]
@@ -82,8 +82,8 @@ def _names(job: Job) -> tuple[str, str]:
 
 
 def _digest(job: Job, listings: notes.Listings) -> Optional[str]:
-    """The digest of what a scene is baked from, by sizes and tags. A file beside the input that is
-    not there is left out; one that comes later is another input."""
+    """The digest of the inputs of a scene, by sizes and tags. Missing files beside the input are
+    ignored; adding one later changes the digest."""
     source, _ = _names(job)
     states = {source: listings.state(source)}
     for name in _beside(source):
@@ -99,7 +99,7 @@ def _digest(job: Job, listings: notes.Listings) -> Optional[str]:
 
 
 def bake(job: Job) -> Union[dict[str, Any], Needs]:
-    """The result of a scene, a line of the report; or the memory that it needs."""
+    """Bakes a scene. Returns its result, a line of the report, or the memory that it needs."""
     clock = time.monotonic()
     try:
         found = _bake(job)
@@ -111,7 +111,7 @@ def bake(job: Job) -> Union[dict[str, Any], Needs]:
 
 
 def failed(failure: Failure) -> dict[str, Any]:
-    """A result of a scene that was not baked."""
+    """The result of a scene that could not be baked."""
     return {"status": "failed", "exit_code": failure.exit_code, "error": failure.message}
 
 
@@ -181,7 +181,8 @@ def _named(error: str, words: dict[str, Any], names: dict[str, str]) -> str:
 
 
 def _staged(source: str, folder: Path) -> Path:
-    """A local file as it is; one of a store on the worker's disk, with the settings beside it."""
+    """The local path of an input. Files of a store are copied to the worker's disk, with the
+    settings beside them."""
     if not store.is_remote(source):
         return Path(store.local_path(source))
     local = store.fetch(source, folder)
@@ -193,14 +194,14 @@ def _staged(source: str, folder: Path) -> Path:
 
 
 def _beside(source: str) -> list[str]:
-    """The names of what the program looks for beside an input."""
+    """The names of files that the program looks for beside an input."""
     folder, _, own = source.rpartition("/")
     names = (*_BESIDE, f"{own.rsplit('.', 1)[0]}.args.json")
     return [f"{folder}/{name}" for name in names if name != own]
 
 
 def _inputs(name: str, value: Any) -> list[str]:
-    """The files to read that an option names, which is none for most options."""
+    """The input files that an option names; none for most options."""
     option = name.replace("-", "_")
     is_word = option == "mlp" and value in _WORDS
     values = value if isinstance(value, (list, tuple)) else [value]
