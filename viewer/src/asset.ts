@@ -1,18 +1,18 @@
-/** Fields in glTF assets, whatever framework loads them. */
+/** Fields in glTF assets, independent of the framework that loads them. */
 
 import { FieldError } from "./errors.js";
 
 export const EXTENSION = "MIPVOG_radiance_field";
 
-/** Where a container is: at an address beside the asset, or in a view of its bytes. */
+/** Place of a container: at an address beside the asset, or in a buffer view. */
 export type Place = { uri: string } | { bufferView: number };
 
-/** What a node has for the extension. */
+/** A node's properties for the extension. */
 export interface FieldReference {
   radianceField?: unknown;
 }
 
-/** The place of the field with this number in an asset. */
+/** The place of the field with this index in an asset. */
 export function placeOf(asset: { extensions?: Record<string, { radianceFields?: unknown[] }> }, { radianceField: number }: FieldReference): Place {
   const fields = asset.extensions?.[EXTENSION]?.radianceFields ?? [];
   const field = (typeof number === "number" ? fields[number] : undefined) as Partial<{ uri: string; bufferView: number }> | undefined;

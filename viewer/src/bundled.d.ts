@@ -15,13 +15,13 @@ declare module "*.wasm" {
   export default bytes;
 }
 
-/** The worker is bundled as text, too. */
+/** The worker is bundled as text too. */
 declare module "*.txt" {
   const text: string;
   export default text;
 }
 
-/** Google's decoder of Draco, as three.js comes with it; only what is used of it. */
+/** Google's Draco decoder as shipped with three.js; only the parts used here. */
 declare module "draco" {
   interface Attribute {
     num_components(): number;

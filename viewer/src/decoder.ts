@@ -1,39 +1,45 @@
-/** Starts workers that decode containers. */
+/** Starts the workers that decode containers. */
 
 import { FieldError, REMEDY } from "./errors.js";
 import type { Reply, Request } from "./load/messages.js";
 
-/** Whether the worker is a file beside the script; whether its text is in the build: in the package, whose users may serve it in ways that lose `worker.js`. */
+/**
+ * Whether the worker is a file beside the script. Whether the build contains its text: true for the package, whose
+ * users may serve it in ways that lose `worker.js`.
+ */
 declare const HAS_WORKER_FILE: boolean;
 declare const HAS_WORKER_TEXT: boolean;
 
-/** What makes a worker; where it throws, or the worker's script does not come, the next way is tried. */
+/** Creates a worker. If it throws, or the worker's script does not load, the next way is tried. */
 type Way = () => Worker | Promise<Worker>;
 
 const readText = HAS_WORKER_TEXT ? () => import("./load/text.js") : null;
 
 let ways: Way[] = [...(HAS_WORKER_FILE ? [beside] : []), ...(readText ? [() => fromText(readText)] : [])];
-/** The address of the worker's text; made once, because nobody can tell when the last worker has read it. */
+/**
+ * The address of the worker's text. It is made once and never revoked: there is no sign of when the last worker has
+ * read it.
+ */
 let textAddress: Promise<string> | null = null;
-/** What TypeScript does not know of trusted types; an address of theirs is taken where a text is. */
+/** Trusted types, which TypeScript does not know. A trusted address is accepted wherever a string is. */
 interface Policy {
   createScriptURL(address: string): string;
 }
 let policy: Policy | null = null;
 let isTyped = false;
 
-/** Starts decoders by `start` from now on: for pages that hold the text of `worker.js` themselves. */
+/** Makes `start` start all decoders from now on, for pages that hold the text of `worker.js` themselves. */
 export function startDecodersBy(start: () => Worker): void {
   ways = [start];
 }
 
-/** A worker of `worker.js`. What it is told waits until its script runs. */
+/** A worker running `worker.js`. Messages wait until its script runs. */
 export class Decoder {
   onmessage: (reply: Reply) => void = () => {};
-  /** Called where no way starts it, or when it has broken down. */
+  /** Called if the worker cannot be started, or crashes. */
   onerror: (error: FieldError) => void = () => {};
   private worker: Worker | null = null;
-  /** What it is told before it runs; null from then on. */
+  /** Messages sent before the script runs; null from then on. */
   private waiting: [Request, Transferable[]][] | null = [];
   private isOver = false;
 
@@ -76,7 +82,7 @@ export class Decoder {
   }
 }
 
-/** From the script that lies beside this one. */
+/** Starts the worker from the script beside this one. */
 function beside(): Worker {
   try {
     // Bundlers look for exactly this.
@@ -89,13 +95,16 @@ function beside(): Worker {
   return new Worker(trusted(new URL("worker.js", new URL(".", import.meta.url)).href), { type: "module" });
 }
 
-/** From the text: a script of another host starts no worker, servers of development lose `worker.js`. */
+/**
+ * Starts the worker from its text: workers cannot load scripts of other hosts, and development servers lose
+ * `worker.js`.
+ */
 async function fromText(read: NonNullable<typeof readText>): Promise<Worker> {
   textAddress ??= read().then(({ default: text }) => URL.createObjectURL(new Blob([text], { type: "text/javascript" })));
   return new Worker(trusted(await textAddress), { type: "module" });
 }
 
-/** An address as pages with trusted types want it. */
+/** An address as pages with trusted types require it. */
 function trusted(address: string): string {
   const { trustedTypes } = globalThis as { trustedTypes?: { createPolicy(name: string, rules: Policy): Policy } };
   if (!trustedTypes) return address;

@@ -1,4 +1,4 @@
-/** Starts the device, and tells what it can hold. */
+/** Starts the device and queries its limits. */
 
 import { Decoder } from "./decoder.js";
 import { gpuLimits, limitsOf } from "./load/limits.js";
@@ -7,8 +7,8 @@ import type { DeviceLimits } from "./load/plan.js";
 let known: Promise<DeviceLimits> | null = null;
 
 /**
- * Asked once, and in a worker: the first context of a browser starts its device, which holds up the thread that asks for
- * it, by half a second on a software renderer. Contexts that are made after that are there at once.
+ * The limits of the device, queried once and in a worker. The first WebGL context of a browser starts its device, which
+ * blocks the calling thread: with a software renderer, for half a second. Later contexts are immediate.
  */
 export function deviceLimits(): Promise<DeviceLimits> {
   return (known ??= ask());
@@ -26,7 +26,7 @@ async function ask(): Promise<DeviceLimits> {
   }
 }
 
-/** What a worker answers; null where workers have no WebGL. */
+/** The answer of a worker; null if workers have no WebGL. */
 function askWorker(): Promise<DeviceLimits | null> {
   return new Promise((resolve) => {
     const worker = new Decoder();

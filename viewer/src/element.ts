@@ -1,4 +1,4 @@
-/** `<mipvog-viewer src="scene.mipvog">`: a field in any page, without a line of script. */
+/** `<mipvog-viewer src="scene.mipvog">`: a field in any page, without scripting. */
 
 import { Color, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "./device.js";
@@ -19,51 +19,52 @@ p button { font: inherit; }
 ::slotted([data-position]) { position: absolute; left: 0; top: 0; }
 `;
 
-/** What an element is made of; servers, which draw pages and show nothing, have nothing of the kind. */
+/** The base class of the element. Servers, which render pages without showing them, have none. */
 const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
-/** What a picture shows of which nobody says it. */
+/** The text alternative of pictures without `alt`. */
 const UNNAMED = "A radiance field";
-/** Attributes that are properties of the same value; those that are there or not; and the rest. */
+/** Attributes that are properties of the same value; boolean attributes; all others. */
 const TEXTS = ["src", "background", "alt", "poster"] as const;
 const ATTRIBUTES = [...TEXTS, "camera", "auto-rotate", "disable-zoom", "disable-pan", "distance-limits", "elevation-limits", "touch-action", "max-bytes"] as const;
 
-/** Browsers keep so many contexts of WebGL on a page, of which some are left to others. */
+/** Maximum number of stages. Browsers limit the WebGL contexts of a page, and other content needs some. */
 const MOST_STAGES = 8;
-/** Elements start when they are so near to the window, where they are `loading="lazy"` or gave their stage to another. */
+/** Elements with `loading="lazy"`, and those that gave up their stage, start when they are this close to the window. */
 const NEAR = "200px";
-/** Elements with a stage, the one that was used last at the end; and those that wait for one. */
+/** Elements with a stage, the most recently used last; and elements that wait for a stage. */
 const live: MipvogViewer[] = [];
 const waiting = new Set<MipvogViewer>();
 
 /**
- * Attributes, the first four also properties: `src`, the address of a `.mipvog`, `.glb` or `.gltf`; `background`, a CSS color
- * in place of the one it was trained on; `alt`, what the picture shows; `poster`, a picture until there is another. `camera`,
- * position, target and field of view, seven numbers with commas as in the page's address; `auto-rotate`; `disable-zoom`;
- * `disable-pan`; `distance-limits` from what is looked at, and `elevation-limits` in degrees, two numbers each; `touch-action`, as
- * in CSS, else `pan-y`; `loading="lazy"`; `max-bytes` of textures. Children with `data-position`, three numbers, lie over this
- * place of the scene. Events: `load` when the first level can be drawn, `error`, whose `detail` is a `FieldError`. An error is
- * shown in the element, too.
+ * Attributes, of which the first four are also properties: `src`, the address of a `.mipvog`, `.glb` or `.gltf`;
+ * `background`, a CSS color instead of the background of training; `alt`, the text alternative; `poster`, a picture to
+ * show until the field is drawn. `camera`: position, target and field of view, seven numbers with commas as in the
+ * page's address; `auto-rotate`; `disable-zoom`; `disable-pan`; `distance-limits` from the target and
+ * `elevation-limits` in degrees, two numbers each; `touch-action` as in CSS, by default `pan-y`; `loading="lazy"`;
+ * `max-bytes` of textures. Children with `data-position`, three numbers, are overlaid at this position of the scene.
+ * Events: `load` when the first level can be drawn, and `error`, whose `detail` is a `FieldError`. The element also
+ * displays errors.
  */
 export class MipvogViewer extends Base {
   static readonly observedAttributes: readonly string[] = ATTRIBUTES;
-  /** Camera, renderer and scene; null until the device is started, and while the element is in no page. */
+  /** Camera, renderer and scene; null until the device is started, and while the element is not in a page. */
   stage: Stage | null = null;
   private opened: Opened | null = null;
   private canvas = document.createElement("canvas");
   private readonly image = document.createElement("img");
   private readonly message = document.createElement("p");
   private readonly words = document.createElement("span");
-  /** The element's last picture, while another has its stage. */
+  /** The element's last picture, while its stage belongs to another element. */
   private still: HTMLCanvasElement | null = null;
   private kept: Viewpoint | null = null;
   private isNear = true;
   private watch: IntersectionObserver | null = null;
-  /** Whether its stage is being made. */
+  /** Whether the stage is being created. */
   private isStarting = false;
   private number = 0;
-  /** What was told last: one failure can come in several ways. */
+  /** The last reported failure: the same failure can arrive in several ways. */
   private failure: unknown = null;
-  /** The view that the element chose. */
+  /** The view that the element chose itself. */
   private framed = "";
 
   constructor() {
@@ -90,14 +91,14 @@ export class MipvogViewer extends Base {
     root.addEventListener("pointerdown", () => this.use(), { capture: true });
   }
 
-  /** Makes the canvas what it is to those who hear the page, or use keys. */
+  /** Makes the canvas accessible to screen readers and the keyboard. */
   private dress(): void {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
     this.canvas.ariaLabel = this.alt || UNNAMED;
   }
 
-  /** The fields that are shown. */
+  /** The fields shown. */
   get fields(): RadianceField[] {
     return this.opened?.fields ?? [];
   }
@@ -157,7 +158,9 @@ export class MipvogViewer extends Base {
     if (this.isNear) void this.start();
   }
 
-  /** Makes the stage, on a device that is started: its context would hold the page up where it started one. */
+  /**
+   * Creates the stage after the device is started: otherwise, its context would start the device and block the page.
+   */
   private async start(): Promise<void> {
     if (this.stage || this.isStarting) return;
     this.isStarting = true;
@@ -179,7 +182,7 @@ export class MipvogViewer extends Base {
     }
   }
 
-  /** Whether its stage can be given to another without a loss: all is there and drawn. */
+  /** Whether the element can give up its stage without a visible change: everything is loaded and drawn. */
   get isAtRest(): boolean {
     const isLoaded = this.failure !== null || !this.src || this.stage?.hasDrawn === true;
     return isLoaded && this.stage !== null && this.stage.settled && !this.hasAttribute("auto-rotate") && this.fields.every((field) => field.finest === field.file?.plan.finest && !field.waiting && !field.decoding);
@@ -189,7 +192,7 @@ export class MipvogViewer extends Base {
     return this.isNear;
   }
 
-  /** Gives the stage to another element, and shows the picture that it had. */
+  /** Gives the stage to another element, and keeps showing the last picture. */
   giveUp(): void {
     if (!this.stage) return;
     const still = document.createElement("canvas");
@@ -203,7 +206,7 @@ export class MipvogViewer extends Base {
     this.dress();
   }
 
-  /** A canvas has one context for good. */
+  /** Replaces the canvas, which keeps its context for good. */
   private renew(): void {
     const canvas = document.createElement("canvas");
     this.still!.after(canvas);
@@ -211,12 +214,12 @@ export class MipvogViewer extends Base {
     this.dress();
   }
 
-  /** There is a stage again. */
+  /** Called when a stage is available again. */
   resume(): void {
     if (this.isNear) void this.start();
   }
 
-  /** A hand is on it: it comes last of those that give up their stages. */
+  /** Marks the element as recently used, so that it gives up its stage last. */
   private use(): void {
     const at = live.indexOf(this);
     if (at >= 0) live.push(...live.splice(at, 1));
@@ -255,13 +258,13 @@ export class MipvogViewer extends Base {
     else this.arrange();
   }
 
-  /** Two numbers of an attribute; null where it has others. */
+  /** Two numbers of an attribute; null if it has anything else. */
   private limits(name: string): [number, number] | null {
     const values = (this.getAttribute(name) ?? "").trim().split(/[\s,]+/).map(Number);
     return values.length === 2 && values.every(Number.isFinite) && values[0] <= values[1] ? [values[0], values[1]] : null;
   }
 
-  /** Brings the camera's controls to what the attributes say. */
+  /** Applies the attributes to the camera's controls. */
   private arrange(): void {
     const { stage } = this;
     if (!stage) return;
@@ -279,7 +282,7 @@ export class MipvogViewer extends Base {
     this.image.hidden = !this.poster || this.stage?.hasDrawn === true;
   }
 
-  /** Puts children to the places that they name. */
+  /** Places children at their positions. */
   private place(): void {
     const { stage } = this;
     if (!stage) return;
@@ -334,7 +337,7 @@ export class MipvogViewer extends Base {
     }
   }
 
-  /** Looks at all that is to be seen. */
+  /** Frames everything visible. */
   private frame(stage: Stage, made: Opened): void {
     stage.show(visibleBox(made), standpoint(made));
     const view = this.kept ?? readViewpoint(this.getAttribute("camera") ?? "");
@@ -374,7 +377,7 @@ export class MipvogViewer extends Base {
   }
 }
 
-/** Whether there is a stage for an element: one that nobody looks at, or is used less, gives up its own. */
+/** Whether a stage is available for an element: the offscreen or least recently used element gives up its own. */
 function makeRoom(element: MipvogViewer): boolean {
   if (live.length >= MOST_STAGES) {
     const other = live.find((one) => !one.isInView) ?? live.find((one) => one.isAtRest);
@@ -388,7 +391,7 @@ function makeRoom(element: MipvogViewer): boolean {
   return true;
 }
 
-/** Somebody is done, or has left. */
+/** Serves the next waiting element, after an element has finished or left the page. */
 function serveWaiting(): void {
   const [next] = waiting;
   if (!next || (live.length >= MOST_STAGES && !live.some((one) => one.isAtRest || !one.isInView))) return;
@@ -404,7 +407,7 @@ declare global {
   }
 }
 
-/** @ts-ignore where React's types are not installed, nothing is said of them. */
+/** @ts-ignore if React's types are not installed */
 declare module "react" {
   namespace JSX {
     interface IntrinsicElements {

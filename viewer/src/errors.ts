@@ -1,8 +1,8 @@
-/** What went wrong, in words for whoever opened the file. */
+/** An error, in words for the user who opened the file. */
 export class FieldError extends Error {
   /**
    * @param message what was found where, and what was expected
-   * @param remedy what can be done about it
+   * @param remedy how to fix it
    */
   constructor(
     message: string,
@@ -13,7 +13,7 @@ export class FieldError extends Error {
   }
 }
 
-/** What can be done about the usual errors. */
+/** Remedies for common errors. */
 export const REMEDY = {
   damaged: "The file is cut short or damaged: copy it or bake it again.",
   foreign: "Open a .mipvog container or a .glb asset that holds one.",

@@ -1,4 +1,7 @@
-/** All in one script, with three.js and the decoders: the element, and the classes, for pages without a bundler. */
+/**
+ * Everything in one script, including three.js and the decoders: the element and the classes, for pages without a
+ * bundler.
+ */
 
 export * from "./element.js";
 export * from "./index.js";

@@ -1,4 +1,4 @@
-/** A baked field on its way from a file to a device, whatever framework draws it. */
+/** Loads a baked field from a file to a device, independent of the framework that draws it. */
 
 import { Decoder } from "./decoder.js";
 import { deviceLimits } from "./device.js";
@@ -15,28 +15,28 @@ import type { TextureDevice } from "./render/textureDevice.js";
 import type { Textures } from "./render/textures.js";
 import { lookOf, type View } from "./render/uniforms.js";
 
-/** The steps of loading. */
+/** The events of loading. */
 export interface FieldEvents {
-  /** Header, metadata and network are there. */
+  /** Header, metadata and network are loaded. */
   opened: { metadata: Metadata };
-  /** More bytes have arrived, of so many that will come; 0 until that is known. */
+  /** More bytes have arrived. `total` is the number of bytes to load; 0 until known. */
   progress: { loaded: number; total: number };
-  /** The picture has changed: a level came, or a part of one. Draw again. */
+  /** The picture has changed because a level, or a part of one, has arrived. Redraw. */
   change: {};
-  /** All levels are there. */
+  /** All levels are loaded. */
   done: {};
-  /** Loading ended with an error; what was there before keeps being shown. */
+  /** Loading failed. What was loaded before stays visible. */
   failed: { error: FieldError };
 }
 
-/** The object of a framework that shows a field. */
+/** A framework's object that shows a field. */
 export interface Owner {
   /** Builds what draws the field. */
   begin(opened: Opened): void;
   tell<Kind extends keyof FieldEvents>(kind: Kind, event: FieldEvents[Kind]): void;
 }
 
-/** What keeps count of what is being loaded: a `LoadingManager` of three.js. */
+/** Tracks what is being loaded, such as a `LoadingManager` of three.js. */
 export interface Manager {
   itemStart(address: string): void;
   itemEnd(address: string): void;
@@ -44,74 +44,77 @@ export interface Manager {
   resolveURL?(address: string): string;
 }
 
-/** How a field is loaded. */
+/** Options for loading a field. */
 export interface FieldOptions {
-  /** Ends loading. What has come is still shown; promises are rejected with the signal's reason. */
+  /** Cancels loading. What has loaded stays visible; promises are rejected with the signal's reason. */
   signal?: AbortSignal;
-  /** Is told of the field, by its address, until its first level is there. */
+  /** Notified of the field, by its address, until its first level is loaded. */
   manager?: Manager;
   /** Sent with every request. */
   headers?: HeadersInit;
   credentials?: RequestCredentials;
   /**
-   * Bytes of textures that the field may take on each device. Where its blocks do not all fit, those near the camera come, and
-   * coarser levels show the others. Without it, a quarter of the device's memory, and 1.5 GiB at most.
+   * Maximum bytes of textures of the field on each device. If its blocks do not all fit, those near the camera are
+   * loaded, and coarser levels replace the others. Default: a quarter of the device memory, at most 1.5 GiB.
    */
   maxBytes?: number;
 }
 
-/** What a field takes of a device's memory. */
+/** A field's use of device memory. */
 export interface Budget {
-  /** Bytes of all textures, and those that they may take. */
+  /** Bytes of all textures, and their limit. */
   bytes: number;
   most: number;
-  /** Blocks on the device, and those that have come. */
+  /** Number of blocks on the device, and of loaded blocks. */
   blocks: [number, number];
 }
 
-/** Of the diagonal of the innermost box, as far as the camera goes before other blocks may be near it; radians that it turns before it sees others. */
+/**
+ * Movement of the camera after which other blocks may be close, as a share of the diagonal of the innermost box; and
+ * rotation in radians after which it sees others.
+ */
 const [MOVED, TURNED] = [0.01, 0.1];
 
-/** Files from this size on are decoded by several workers, and by how many at most. */
+/** Files of at least this size are decoded by several workers; and the maximum number of helpers. */
 const [HELPED_BYTES, MOST_HELPERS] = [1 << 20, 16];
 
-/** One field of all objects that show it, on every device that they are drawn with. */
+/** One field, for all objects that show it and all devices that draw them. */
 export class StreamedField {
-  /** Resolves once the metadata is there; rejects where it cannot be. */
+  /** Resolves when the metadata is available; rejects if it cannot be loaded. */
   readonly opened: Promise<Metadata>;
-  /** Resolves once every level is there. */
+  /** Resolves when every level is loaded. */
   readonly finished: Promise<void>;
-  /** Bytes that have arrived. */
+  /** Number of bytes received. */
   arrived = 0;
   private readonly owners = new Set<Owner>();
-  /** Those who hear what owners hear, but keep nothing. */
+  /** Receivers of the same events as owners, which do not keep the field alive. */
   private readonly watchers = new Set<Owner>();
-  /** Whether everything has come, or will not; whether it is not wanted. */
+  /** Whether loading has ended, and whether the field is no longer needed. */
   private isDone = false;
   private isGivenUp = false;
   private content: Opened | null = null;
-  /** What each device has, or will have; the first waits for the device that it is for. */
+  /** The data on each device, present or expected. The first one waits for its device. */
   private atlases: Atlas[] = [];
   private occupied: [number[], number[]] | null = null;
-  /** The middle of a world's free space, as shares of its innermost box. */
+  /** The centre of a world's free space, as fractions of its innermost box. */
   private freeShare: number[] | null = null;
-  /** Where not all blocks have room: those that have, and all that have come. */
+  /** If not all blocks fit: number of blocks that do, and of all that have arrived. */
   private held: [number, number] | null = null;
-  /** The camera; what the decoder was told of it last, and whether that has not answered. */
+  /** The camera; the one last sent to the decoder, and whether the answer is pending. */
   private camera: Look | null = null;
   private told: Look | null = null;
   private isLooking = false;
   private readonly worker = new Decoder();
-  /** Workers that help the first to decode. */
+  /** Workers that help the first one to decode. */
   private readonly helpers: Decoder[] = [];
-  /** How often levels were asked for again, and how many of these times are not answered. */
+  /** How often levels were requested again, and how many of these requests are pending. */
   private round = 0;
   private unanswered = 0;
   private failure: FieldError | null = null;
-  /** Keeps the promises, or breaks those that are not kept yet. */
+  /** Resolves the promises, or rejects those that are pending. */
   private readonly keep: { opened: (metadata: Metadata) => void; finished: () => void; reject: (error: unknown) => void };
 
-  /** Loads `source`, the address of a container or its bytes; nothing is told before an owner joins. */
+  /** Loads `source`, the address of a container or its bytes. No events are sent before an owner joins. */
   constructor(source: Source, { headers, credentials, maxBytes = Infinity, signal, manager }: FieldOptions = {}) {
     const own = ownSource(source, manager);
     this.count(own, manager);
@@ -149,7 +152,7 @@ export class StreamedField {
     );
   }
 
-  /** Tells a manager when loading begins, and when the first level is there or will not come. */
+  /** Notifies a manager when loading begins, and when the first level is loaded or will not arrive. */
   private count(source: OwnSource | Promise<OwnSource>, manager: Manager | undefined): void {
     if (!manager) return;
     const name = typeof source === "string" ? source : "radiance field";
@@ -166,7 +169,7 @@ export class StreamedField {
     this.watchers.add(owner);
   }
 
-  /** Somebody does not want it any more. */
+  /** Cancels loading. */
   private abort(reason: unknown): void {
     if (this.isDone) return;
     if (this.content) this.worker.post({ kind: "stop" });
@@ -176,13 +179,13 @@ export class StreamedField {
     this.fail(new FieldError("Loading was given up.", REMEDY.again));
   }
 
-  /** Bytes that will be loaded; 0 until that is known. */
+  /** Number of bytes to load; 0 until known. */
   private get total(): number {
     const { content } = this;
     return content ? Math.max(content.prefixes[content.plan.finest], content.plan.finest === 0 ? content.fileBytes : 0, this.arrived) : 0;
   }
 
-  /** Shows the field to one more owner. */
+  /** Adds an owner that shows the field. */
   join(owner: Owner): void {
     this.owners.add(owner);
     if (this.content) owner.begin(this.content);
@@ -190,7 +193,7 @@ export class StreamedField {
     if (failure) queueMicrotask(() => this.owners.has(owner) && owner.tell("failed", { error: failure }));
   }
 
-  /** Ends loading and frees the devices' memory when the last owner leaves. */
+  /** Removes an owner. After the last one, loading ends and the device memory is freed. */
   leave(owner: Owner): void {
     if (!this.owners.delete(owner) || this.owners.size > 0) return;
     this.terminate();
@@ -240,33 +243,33 @@ export class StreamedField {
     }
   }
 
-  /** The devices that what was asked for in a round is for: those that have not got everything yet. */
+  /** The devices that still need the data requested in a round. */
   private wanting(round: number): Atlas[] {
     return round === this.round ? this.atlases.filter((atlas) => !atlas.isWhole || this.content?.plan.isPartial) : [];
   }
 
-  /** What is in the file; null until it is opened. */
+  /** Contents of the file; null until it is opened. */
   get file(): Opened | null {
     return this.content;
   }
 
-  /** The finest level that any device shows; null before the first picture. */
+  /** The finest level shown on any device; null before the first picture. */
   get finest(): number | null {
     const levels = this.atlases.flatMap(({ finest }) => finest ?? []);
     return levels.length > 0 ? Math.min(...levels) : null;
   }
 
-  /** Whether levels have come that `upload` will bring to a device. */
+  /** Whether loaded levels wait for `upload`. */
   get waiting(): boolean {
     return this.atlases.some((atlas) => atlas.waiting);
   }
 
-  /** Whether a level's bytes are there and are being decoded, or blocks near the camera. */
+  /** Whether the bytes of a level, or blocks near the camera, are being decoded. */
   get decoding(): boolean {
     return this.isLooking || this.unanswered > 0 || this.atlases.some((atlas) => atlas.decoding);
   }
 
-  /** What the field takes of each device's memory; null until it is opened. */
+  /** The field's use of memory on each device; null until it is opened. */
   get budget(): Budget | null {
     if (!this.content) return null;
     const { metadata, plan } = this.content;
@@ -275,7 +278,7 @@ export class StreamedField {
     return { bytes: plan.bytes, most: plan.most, blocks: plan.isPartial ? (this.held ?? [0, 0]) : [whole, whole] };
   }
 
-  /** The camera sees this: where not all blocks have room, those near it get it, those that it sees before others. */
+  /** Moves the camera. If not all blocks fit, those near the camera are loaded, visible ones first. */
   look(view: View): void {
     if (!this.content?.plan.isPartial) return;
     this.camera = lookOf(view);
@@ -292,14 +295,14 @@ export class StreamedField {
     this.worker.post({ kind: "look", camera });
   }
 
-  /** What a device has, and the finest level that it shows; null before the first upload to it. */
+  /** A device's textures, and the finest level that it shows; null before the first upload to it. */
   on(device: TextureDevice): { textures: Textures | null; finest: number | null } | null {
     return this.atlases.find((atlas) => atlas.device === device) ?? null;
   }
 
   /**
-   * Two corners, in local axes, between which something is to be seen; those of the box before the first level. A world, which is
-   * seen from inside, has all of its innermost box.
+   * Two corners of the visible part, in local axes; those of the box before the first level. For a world, which is
+   * viewed from inside, those of its innermost box.
    */
   get visible(): [number[], number[]] {
     const all: [number[], number[]] = [[0, 0, 0], [1, 1, 1]];
@@ -307,19 +310,19 @@ export class StreamedField {
     return [this.placeOf(low), this.placeOf(high)];
   }
 
-  /** In local axes, the middle of a world's free space; that of the innermost box where it is not known. */
+  /** The centre of a world's free space in local axes; that of the innermost box until known. */
   get standpoint(): number[] {
     return this.placeOf(this.freeShare ?? [0.5, 0.5, 0.5]);
   }
 
-  /** Of a place as shares of the innermost box, that in local axes. */
+  /** Converts fractions of the innermost box to local axes. */
   private placeOf(share: number[]): number[] {
     if (!this.content) return [0, 0, 0];
     const { min, max } = this.content.metadata.bounds;
     return share.map((share, axis) => min[axis] + share * (max[axis] - min[axis]));
   }
 
-  /** Brings decoded blocks to a device, for a few milliseconds. Whether the picture has changed. */
+  /** Uploads decoded blocks to a device, for a few milliseconds. Returns whether the picture has changed. */
   upload(device: TextureDevice): boolean {
     if (!this.content) return false;
     const atlas = this.atlasOf(device, this.content);
@@ -344,7 +347,7 @@ export class StreamedField {
     return atlas;
   }
 
-  /** Builds what does not depend on levels. */
+  /** Builds everything that does not depend on levels. */
   private begin(opened: Opened): void {
     const widest = Math.max(0, ...opened.network.flatMap((layer) => [layer.inputs, layer.outputs]));
     if (widest > WIDEST_LAYER) throw new FieldError(`The network has a layer of ${widest} values; this viewer takes ${WIDEST_LAYER}.`, REMEDY.newer);
@@ -354,7 +357,7 @@ export class StreamedField {
     if (opened.fileBytes >= HELPED_BYTES) this.startHelpers();
   }
 
-  /** A device has no room. */
+  /** Reports that a device has no room. */
   private refuse(error: FieldError): void {
     this.terminate();
     this.free();
@@ -366,7 +369,7 @@ export class StreamedField {
     [this.atlases, this.content] = [[], null];
   }
 
-  /** Starts as many decoders as the device has cores, beside the one that reads. */
+  /** Starts one decoder per core of the machine, besides the main one. */
   private startHelpers(): void {
     const ports = Array.from({ length: Math.min(MOST_HELPERS, navigator.hardwareConcurrency) }, (_, number) => {
       const { port1, port2 } = new MessageChannel();
@@ -380,7 +383,10 @@ export class StreamedField {
     this.worker.post({ kind: "crew", ports }, ports);
   }
 
-  /** After all levels have come once, the first decoder does what may have to be done again: a lost device is rare. */
+  /**
+   * Ends the helpers after all levels have loaded once. The first decoder repeats work if a device is lost, which is
+   * rare.
+   */
   private endHelpers(): void {
     this.helpers.splice(0).forEach((helper, number) => {
       helper.terminate();
@@ -406,7 +412,7 @@ export class StreamedField {
   }
 }
 
-/** A source as the worker takes it. A blob's bytes are not copied on their way. */
+/** A source in the form for the worker. The bytes of a blob are not copied. */
 function ownSource(source: Source, manager: Manager | undefined): OwnSource | Promise<OwnSource> {
   if (typeof source === "string" || source instanceof URL) {
     const address = String(source);
@@ -426,7 +432,7 @@ async function answered(response: Response): Promise<Blob> {
   });
 }
 
-/** A promise to be kept elsewhere; nobody has to listen to its failure. */
+/** A promise that is resolved elsewhere. Its failure does not have to be handled. */
 function promise<T>(): { promise: Promise<T>; resolve: (value: T) => void; reject: (error: unknown) => void } {
   let resolve!: (value: T) => void;
   let reject!: (error: unknown) => void;

@@ -1,4 +1,4 @@
-/** As `index.ts`, for scenes that three.js's WebGPURenderer draws, too. */
+/** As `index.ts`, also for scenes drawn by three.js's WebGPURenderer. */
 
 import { useGpuDrawing } from "./three/drawing.js";
 import { nodeDrawing } from "./three/nodes.js";

@@ -1,4 +1,4 @@
-/** What of Babylon.js's two kinds of engines a field has to know. */
+/** The parts of Babylon.js's two kinds of engines that a field needs. */
 
 import { Constants } from "@babylonjs/core/Engines/constants.js";
 import type { Engine } from "@babylonjs/core/Engines/engine.js";
@@ -25,21 +25,24 @@ import { setUniforms } from "./uniforms.js";
 /** How an engine draws fields. */
 export interface Drawing {
   readonly device: TextureDevice;
-  /** Of clip space: see `View.depth`. */
+  /** Depth range of clip space: see `View.depth`. */
   readonly depth: [number, number];
-  /** The shader of a field, whose uniforms have such names and lengths, and what sets them before each draw. */
+  /**
+   * The shader of a field, for uniforms with the names and lengths of `example`, and the function that sets them before
+   * each draw.
+   */
   shader(opened: Opened, example: Uniforms): { source: { vertexSource: string; fragmentSource: string }; options: Partial<IShaderMaterialOptions>; set(effect: Effect, values: Uniforms): void };
-  /** Why what is drawn into cannot take a field; null where it can. */
+  /** Why the current target cannot show a field; null if it can. */
   refusal(): readonly [message: string, remedy: string] | null;
-  /** Lets the engine draw from a texture that it did not make. */
+  /** Wraps a texture that the engine did not make, for drawing from it. */
   wrap(texture: DeviceTexture): InternalTexture;
-  /** The numbers of the target that is bound, four a pixel, where they are there at once. */
+  /** Reads the bound target immediately, four numbers per pixel; null if the engine cannot. */
   readNow: ((width: number, height: number) => Float32Array) | null;
-  /** The same of a target's texture, later. */
+  /** Reads a target's texture asynchronously, four numbers per pixel. */
   read(texture: InternalTexture, width: number, height: number): Promise<Float32Array>;
 }
 
-/** That of a scene's engine. */
+/** The `Drawing` of a scene's engine. */
 export function drawingOf(scene: Scene): Drawing {
   const engine = scene.getEngine();
   const { _gl: context } = engine as Engine;
@@ -48,7 +51,7 @@ export function drawingOf(scene: Scene): Drawing {
   throw new FieldError("Fields are drawn by Babylon.js's engines for WebGL 2 and WebGPU, and by no other.", REMEDY.engine);
 }
 
-/** Raw, so that Babylon.js adds and changes nothing. */
+/** As raw text, so that Babylon.js does not add or change anything. */
 const VERSION = "#version 300 es\n";
 
 class GlDrawing implements Drawing {
@@ -132,7 +135,7 @@ class GpuDrawing implements Drawing {
     return internal;
   }
 
-  /** Depths can only be written where there are some. */
+  /** Depths can only be written to a target with a depth buffer. */
   refusal(): ReturnType<Drawing["refusal"]> {
     const target = this.engine._currentRenderTarget;
     const hasDepth = !target || target._generateDepthBuffer || target.depthStencilTexture;

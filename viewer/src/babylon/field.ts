@@ -35,32 +35,33 @@ import { fieldUniforms, logarithmOf, NO_LOGARITHM, NOWHERE, type Shown, type Uni
 import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
 import { type Drawing, drawingOf } from "./engines.js";
 
-/** Corners of a box's sides by their bits (x, y, z), each counterclockwise as seen from outside. */
+/** The sides of a box: corners by their bits (x, y, z), each side counterclockwise as seen from outside. */
 const SIDES = [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]];
-/** From a left-handed world or camera to a right-handed one, and back. */
+/** Converts a left-handed world or camera to a right-handed one, and back. */
 const SAME = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 const MIRROR_X = SAME.map((value, at) => (at === 0 ? -1 : value));
 const MIRROR_Z = SAME.map((value, at) => (at === 10 ? -1 : value));
 
 /**
- * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up. A
- * left-handed scene shows it mirrored along x before its own transform, as Babylon.js shows glTF assets, so that it looks
- * as it should.
+ * Marches rays through a baked field, inside its box. Local axes are those of training, z up. In a left-handed scene,
+ * the field is mirrored along x before its own transform, as Babylon.js does with glTF assets, so that it looks right.
  */
 export class RadianceField extends Mesh {
-  /** Resolves once the metadata is there; rejects where it cannot be. */
+  /** Resolves when the metadata is available; rejects if it cannot be loaded. */
   readonly opened: Promise<Metadata>;
-  /** Resolves once every level is there. */
+  /** Resolves when every level is loaded. */
   readonly finished: Promise<void>;
-  /** Whether colours tell levels. */
+  /** Whether colours show levels. */
   showLevels = false;
   /** The level to show, 0 being the finest; null follows the field's rule. */
   fixedLevel: number | null = null;
-  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does: to measure pictures. */
+  /**
+   * Whether rays respect the near and far of the training cameras, as in the reference renderer, to measure pictures.
+   */
   keepsRange = false;
   readonly onOpenedObservable = new Observable<FieldEvents["opened"]>();
   readonly onProgressObservable = new Observable<FieldEvents["progress"]>();
-  /** After it, draw again. */
+  /** Notifies that the field must be redrawn. */
   readonly onChangeObservable = new Observable<FieldEvents["change"]>();
   readonly onDoneObservable = new Observable<FieldEvents["done"]>();
   readonly onFailedObservable = new Observable<FieldEvents["failed"]>();
@@ -68,18 +69,18 @@ export class RadianceField extends Mesh {
   private readonly streamed: StreamedField;
   private readonly owner: Owner;
   private uniforms: Uniforms = {};
-  /** The only material that draws the field, whatever a copier of materials puts in its place. */
+  /** The only material that draws the field, even if other code replaces the material of the mesh. */
   private own: ShaderMaterial | null = null;
-  /** What is drawn in place of what the scene's camera sees; null for pictures. */
+  /** The view and the output to draw instead of the scene camera's picture; null for pictures. */
   private sampled: { view: View; shown: Partial<Shown> } | null = null;
-  /** What was said of it; each is said once. */
+  /** Messages about this field that were already shown; each is shown once. */
   private readonly told = new Set<string>();
-  /** What the material draws from, and the handles that it was made for. */
+  /** Textures of the material, and the device handles that they wrap. */
   private wrapped: { textures: BaseTexture[]; handles: Textures } | null = null;
 
   /**
-   * Loads `source`, the address of a container or its bytes; another field shares what it has loaded, and what the device
-   * holds. Draws as soon as the coarsest levels are there.
+   * Loads `source`, the address of a container or its bytes. Given another field, shares its loaded data and its device
+   * memory. The field is drawn as soon as the coarsest levels are loaded.
    */
   constructor(source: Source | RadianceField, scene: Scene, options?: FieldOptions) {
     const drawing = drawingOf(scene);
@@ -102,7 +103,7 @@ export class RadianceField extends Mesh {
     this.streamed.join(this.owner);
   }
 
-  /** Another mesh of the same field, which is loaded and held once. */
+  /** Another mesh of the same field, which is loaded and stored only once. */
   override clone(name = `Clone of ${this.name}`, parent: Nullable<Node> | MeshCloneOptions = null, doNotCloneChildren?: boolean): RadianceField {
     const options = parent instanceof Node || !parent ? { parent, doNotCloneChildren } : parent;
     const copy = new RadianceField(this, this.getScene());
@@ -120,50 +121,50 @@ export class RadianceField extends Mesh {
     return copy;
   }
 
-  /** As `clone`: the device draws one box a field, so that there is nothing to be saved. */
+  /** As `clone`: the device draws one box per field, so instances would save nothing. */
   override createInstance(name: string): InstancedMesh {
     return this.clone(name, null, true) as unknown as InstancedMesh;
   }
 
-  /** Bytes that have arrived. */
+  /** Number of bytes received. */
   get arrived(): number {
     return this.streamed.arrived;
   }
 
-  /** What is in the file and how it came; null until it is opened. */
+  /** Contents of the file and how it was transferred; null until it is opened. */
   get file(): Pick<Opened, "metadata" | "fileBytes" | "available" | "prefixes" | "transfer" | "plan"> | null {
     return this.streamed.file;
   }
 
-  /** The finest level that is shown; null before the first picture. */
+  /** The finest level shown; null before the first picture. */
   get finest(): number | null {
     return this.streamed.on(this.drawing.device)?.finest ?? null;
   }
 
-  /** What the field takes of the device's memory, and what of its blocks has room; null until it is opened. */
+  /** Device memory of the field, and how many of its blocks fit; null until it is opened. */
   get budget(): Budget | null {
     return this.streamed.budget;
   }
 
-  /** The box of everything in local axes. */
+  /** The box of the whole field in local axes. */
   get bounds(): { min: Vector3; max: Vector3 } {
     const { min, max } = this.file ? outerBounds(this.file.metadata) : { min: [0, 0, 0], max: [0, 0, 0] };
     return { min: Vector3.FromArray(min), max: Vector3.FromArray(max) };
   }
 
-  /** Whether levels have come that the next pictures will bring to the device. */
+  /** Whether loaded levels wait for upload with the next pictures. */
   get waiting(): boolean {
     return this.streamed.waiting;
   }
 
-  /** Whether a level's bytes are there and are being decoded, or blocks near the camera. */
+  /** Whether the bytes of a level, or blocks near the camera, are being decoded. */
   get decoding(): boolean {
     return this.streamed.decoding;
   }
 
   /**
-   * Brings decoded blocks to the device, for a few milliseconds; every draw does this as well. Whether the picture has
-   * changed.
+   * Uploads decoded blocks to the device, for a few milliseconds; every draw does this too. Returns whether the picture
+   * has changed.
    */
   upload(): boolean {
     const isChanged = this.streamed.upload(this.drawing.device);
@@ -182,7 +183,7 @@ export class RadianceField extends Mesh {
     return this.finest === null || !this.wrapped ? this : super.render(subMesh, enableAlphaMode, effectiveMeshReplacement) as this;
   }
 
-  /** Hits what pictures show, as `pick` does; nothing before the first picture. */
+  /** Intersects what pictures show, as `pick` does. Hits nothing before the first picture. */
   override intersects(ray: Ray, fastCheck?: boolean, predicate?: TrianglePickingPredicate, onlyBoundingInfo = false, world = this.getWorldMatrix()): PickingInfo {
     const box = super.intersects(ray, fastCheck, predicate, onlyBoundingInfo, world);
     if (!box.hit || onlyBoundingInfo) return box;
@@ -206,35 +207,35 @@ export class RadianceField extends Mesh {
   }
 
   /**
-   * Counts what a picture of `rows` rows takes that the scene's camera sees, from `width` by `height` rays of it. Without
-   * `skips` as a dense march would: every sample between entry and exit, with its colours.
+   * Counts the work of a picture with `rows` rows from the scene's camera, using `width` by `height` of its rays.
+   * Without `skips`, counts a dense march: every sample between entry and exit, with its colours.
    */
   statistics(width: number, height: number, rows: number, skips = true): Statistics {
     return statisticsOf(this.sample(width, height, this.view(), { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
   }
 
-  /** As `statistics`, with engines for WebGPU, too. */
+  /** As `statistics`, also for WebGPU engines. */
   async statisticsAsync(width: number, height: number, rows: number, skips = true): Promise<Statistics> {
     return statisticsOf(await this.sampleAsync(width, height, this.view(), { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows }));
   }
 
   /**
-   * The world's point that the scene's camera shows at `x`, `y`, shares of the picture's width and height from the top left;
-   * null where the field is next to invisible.
+   * The world position that the scene's camera shows at `x`, `y`, fractions of the picture's width and height from the
+   * top left. Null if the field is nearly transparent there.
    */
   pick(x: number, y: number): Vector3 | null {
     const view = this.view();
     return this.pointOf({ ...view, projection: pickedProjection(view.projection, x, y) });
   }
 
-  /** As `pick`, with engines for WebGPU, too. */
+  /** As `pick`, also for WebGPU engines. */
   async pickAsync(x: number, y: number): Promise<Vector3 | null> {
     const of = this.view();
     const view = { ...of, projection: pickedProjection(of.projection, x, y) };
     return this.pointAt(await this.sampleAsync(1, 1, view, { output: OUTPUT.distance }), view);
   }
 
-  /** The world's point that a view's one pixel shows. */
+  /** The world position shown by a view of one pixel. */
   private pointOf(view: View): Vector3 | null {
     return this.pointAt(this.sample(1, 1, view, { output: OUTPUT.distance }), view);
   }
@@ -246,7 +247,7 @@ export class RadianceField extends Mesh {
     return Vector3.FromArray(point);
   }
 
-  /** The field is not drawn any more. With the last mesh that shares it, loading ends and the device's memory is free. */
+  /** Stops drawing the field. With the last mesh that shares it, loading ends and the device memory is freed. */
   override dispose(doNotRecurse?: boolean): void {
     this.streamed.leave(this.owner);
     this.wrap(null);
@@ -254,7 +255,7 @@ export class RadianceField extends Mesh {
     super.dispose(doNotRecurse);
   }
 
-  /** Tells once why the field is not drawn. */
+  /** Reports once why the field is not drawn. */
   private refuse(message: string, remedy: string): void {
     if (this.told.has(message)) return;
     this.told.add(message);
@@ -262,7 +263,7 @@ export class RadianceField extends Mesh {
     this.onFailedObservable.notifyObservers({ error: new FieldError(message, remedy) });
   }
 
-  /** Builds what does not depend on levels. */
+  /** Builds everything that does not depend on levels. */
   private begin(opened: Opened, scene: Scene): void {
     const { min, max } = outerBounds(opened.metadata);
     const box = new VertexData();
@@ -282,7 +283,7 @@ export class RadianceField extends Mesh {
     this.own = this.material = material;
   }
 
-  /** Before every draw: uniforms follow the camera. */
+  /** Updates uniforms from the camera, before every draw. */
   private bound(scene: Scene, metadata: Metadata): Uniforms {
     const { finest, fixedLevel, keepsRange } = this;
     const output = this.showLevels ? OUTPUT.levels : OUTPUT.color;
@@ -292,14 +293,14 @@ export class RadianceField extends Mesh {
     return { ...this.uniforms, ...viewUniforms(metadata, view, shown) };
   }
 
-  /** What the scene's camera sees. */
+  /** The view of the scene's camera. */
   private view(): View {
     const scene = this.getScene();
     scene.updateTransformMatrix(true);
     return viewOf(scene, this.computeWorldMatrix(true).m, false, this.drawing.depth);
   }
 
-  /** Four numbers a pixel of one kind of output, all 0 where nothing is drawn. */
+  /** One kind of output, four numbers per pixel; all 0 where nothing is drawn. */
   private sample(width: number, height: number, view: View, shown: Partial<Shown>): Float32Array {
     const { readNow } = this.drawing;
     if (!readNow) throw new FieldError("Engines for WebGPU answer later, not at once.", REMEDY.later);
@@ -311,7 +312,7 @@ export class RadianceField extends Mesh {
     return this.drawAside(width, height, view, shown, (texture) => this.drawing.read(texture, width, height));
   }
 
-  /** Draws the field alone into a target of its own, and reads it. */
+  /** Draws only the field into a separate target and reads it. */
   private drawAside<T>(width: number, height: number, view: View, shown: Partial<Shown>, read: (texture: InternalTexture) => T): T {
     const engine = this.getEngine() as Engine;
     const options = { type: Constants.TEXTURETYPE_FLOAT, samplingMode: Constants.TEXTURE_NEAREST_NEAREST, generateDepthBuffer: true, generateMipMaps: false };
@@ -332,7 +333,7 @@ export class RadianceField extends Mesh {
     }
   }
 
-  /** Lets Babylon.js draw from textures that it did not make, and from no others. */
+  /** Wraps the textures of the device for Babylon.js. */
   private wrap(handles = this.streamed.on(this.drawing.device)?.textures ?? null): void {
     if (handles === (this.wrapped?.handles ?? null)) return;
     for (const texture of this.wrapped?.textures ?? []) {
@@ -355,7 +356,7 @@ export class RadianceField extends Mesh {
   }
 }
 
-/** Where a scene takes its picture. */
+/** The view of a scene. */
 function viewOf(scene: Scene, world: ArrayLike<number>, isLogarithmic: boolean, depth: [number, number]): View {
   const engine = scene.getEngine();
   const [width, height] = [engine.getRenderWidth(), engine.getRenderHeight()];

@@ -1,4 +1,4 @@
-/** `MIPVOG_radiance_field` for Babylon.js's loader of glTF: nodes that show a field instead of their mesh. */
+/** `MIPVOG_radiance_field` for the glTF loader of Babylon.js: nodes show a field instead of their mesh. */
 
 import type { TransformNode } from "@babylonjs/core/Meshes/transformNode.js";
 import { Matrix } from "@babylonjs/core/Maths/math.vector.js";
@@ -10,13 +10,13 @@ import { EXTENSION, type FieldReference, placeOf } from "../asset.js";
 import { RadianceField } from "./field.js";
 
 /**
- * A field's node holds a `RadianceField`, which goes on loading after the scene is there; a field that cannot be opened
- * leaves the node's own mesh (nothing, where it has none), with the error as `metadata.radianceFieldError`.
+ * The node of a field holds a `RadianceField`, which continues to load after the scene is ready. If a field cannot be
+ * opened, the node shows its own mesh, if any, and `metadata.radianceFieldError` has the error.
  */
 export class RadianceFieldExtension implements IGLTFLoaderExtension {
   readonly name = EXTENSION;
   enabled = true;
-  /** Nodes that are on their way, which the loader asks about once more. */
+  /** Nodes being loaded, about which the loader asks again. */
   private readonly begun = new Set<INode>();
 
   constructor(private readonly loader: GLTFLoader) {}
@@ -67,7 +67,7 @@ export class RadianceFieldExtension implements IGLTFLoaderExtension {
     }
   }
 
-  /** Where the container of a field is. */
+  /** The address or the bytes of a container. */
   private async source(reference: FieldReference): Promise<string | Blob> {
     const { gltf, rootUrl } = this.loader;
     const place = placeOf(gltf as object, reference);

@@ -1,4 +1,4 @@
-/** For Babylon.js. Its loader of glTF shows fields from this import on. */
+/** The adapter for Babylon.js. Importing it adds fields to the glTF loader. */
 
 import { registerGLTFExtension } from "@babylonjs/loaders/glTF/2.0/glTFLoaderExtensionRegistry.js";
 import { EXTENSION } from "../asset.js";

@@ -1,4 +1,4 @@
-/** Uniforms of the program in use, set by the types that it declares. */
+/** Sets the uniforms of the current program by their declared types. */
 
 import type { Uniforms } from "../render/uniforms.js";
 
@@ -7,7 +7,7 @@ type Setter = (gl: WebGL2RenderingContext, at: WebGLUniformLocation, values: num
 const integers = (size: 1 | 2 | 3 | 4): Setter => (gl, at, values) => gl[`uniform${size}iv`](at, values);
 const floats = (size: 1 | 2 | 3 | 4): Setter => (gl, at, values) => gl[`uniform${size}fv`](at, values);
 
-/** By the numbers of types in WebGL 2. */
+/** Setters, by the type numbers of WebGL 2. */
 const SETTERS: Record<number, Setter> = {
   0x1404: integers(1), // INT
   0x8b54: integers(3), // INT_VEC3
@@ -21,7 +21,7 @@ const SETTERS: Record<number, Setter> = {
   0x8b5c: (gl, at, values) => gl.uniformMatrix4fv(at, false, values), // FLOAT_MAT4
 };
 
-/** The uniforms of each program, but its samplers. */
+/** The uniforms of each program, without its samplers. */
 const declared = new WeakMap<WebGLProgram, [string, WebGLUniformLocation, Setter][]>();
 
 function declaredBy(gl: WebGL2RenderingContext, program: WebGLProgram): [string, WebGLUniformLocation, Setter][] {

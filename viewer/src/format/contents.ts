@@ -1,4 +1,4 @@
-/** The chunks that the metadata announces, and the prefixes of levels: sections 1 and 3 of `formats/mipvog.md`. */
+/** The chunks implied by the metadata, and the prefixes of levels: sections 1 and 3 of `formats/mipvog.md`. */
 
 import { FieldError } from "../errors.js";
 import { KNOWN } from "./generated.js";
@@ -6,7 +6,7 @@ import { chunkName, type Entry, type Header, paddedEnd } from "./layout.js";
 import { storedGroups, type Metadata, networkOf } from "./metadata.js";
 import { partName, partsFrom, partsOf } from "./parts.js";
 
-/** Every chunk that the metadata announces is there and no other, in order, coarse to fine, with the right prefix. */
+/** Checks that exactly the chunks implied by the metadata are present, coarse to fine, with the correct prefixes. */
 export function checkContents(entries: Entry[], metadata: Metadata, header: Header): void {
   const expected: [string, number | null][] = [["META", null]];
   if (networkOf(metadata)) expected.push(["VMLP", null]);
@@ -33,7 +33,7 @@ export function checkContents(entries: Entry[], metadata: Metadata, header: Head
   }
 }
 
-/** Bytes from the file's start after which a level renders, or up to the end of a shell. */
+/** Bytes from the start of the file that suffice to render a level, or that end with a shell. */
 function prefixOf(part: number | null, entries: Entry[], metadata: Metadata, header: Header): number {
   if (part === null) return 0;
   if (partsOf(metadata).some(({ density }) => density === null)) return header.fileBytes;

@@ -1,7 +1,7 @@
-/** CRC-32 as zip and PNG compute it, eight bytes at a time. */
+/** CRC-32 as in zip and PNG, eight bytes at a time. */
 
 const TABLES = tables();
-/** Whether the lowest byte of a word is its first. */
+/** Whether the machine is little-endian. */
 const LITTLE = new Uint8Array(Uint32Array.of(1).buffer)[0] === 1;
 
 function tables(): Uint32Array[] {
@@ -19,7 +19,7 @@ function tables(): Uint32Array[] {
   return all;
 }
 
-/** The checksum of `bytes`, or of what `before` is the sum of and then `bytes`. */
+/** The checksum of `bytes`; `before` is the checksum of the bytes before them. */
 export function crc32(bytes: Uint8Array, before = 0): number {
   const [t0, t1, t2, t3, t4, t5, t6, t7] = TABLES;
   let sum = ~before;

@@ -1,10 +1,10 @@
-/** What a file is that is no container, by its first bytes, for words that say what to do with it. */
+/** Recognizes files that are not containers by their first bytes, for helpful messages. */
 
 import { FieldError, REMEDY } from "../errors.js";
 
 const GLB = [0x67, 0x6c, 0x54, 0x46];
 
-/** Kinds of files, the bytes from one on that they have, and what can be done with them. */
+/** Kinds of files: their first bytes, and advice. */
 const KINDS: readonly [string, readonly number[], string][] = [
   ["a binary glTF asset", GLB, REMEDY.asset],
   ["a PNG picture", [0x89, 0x50, 0x4e, 0x47], REMEDY.foreign],
@@ -16,7 +16,7 @@ const KINDS: readonly [string, readonly number[], string][] = [
   ["compressed by gzip", [0x1f, 0x8b], REMEDY.unpack],
   ["compressed by zstd", [0x28, 0xb5, 0x2f, 0xfd], REMEDY.unpack],
 ];
-/** Where a tar archive, as older models of PyTorch are, has its signature. */
+/** Place of the signature in a tar archive, such as an old PyTorch model. */
 const [USTAR_AT, USTAR] = [257, [0x75, 0x73, 0x74, 0x61, 0x72]];
 
 function has(bytes: Uint8Array, at: number, signature: readonly number[]): boolean {
@@ -28,12 +28,12 @@ function firstLetter(bytes: Uint8Array): string {
   return new TextDecoder().decode(bytes.subarray(0, 64)).trimStart().charAt(0);
 }
 
-/** Whether a file that begins so is an asset, of either form of glTF. */
+/** Whether a file that starts with these bytes is a glTF asset, of either form. */
 export function isAsset(bytes: Uint8Array): boolean {
   return has(bytes, 0, GLB) || firstLetter(bytes) === "{";
 }
 
-/** The error of a file that does not begin as containers do. */
+/** The error for a file that does not start like a container. */
 export function foreign(bytes: Uint8Array): FieldError {
   const no = (what: string, remedy: string) => new FieldError(`This is no .mipvog container: it ${what}.`, remedy);
   const found = KINDS.find(([, signature]) => has(bytes, 0, signature));

@@ -9,29 +9,29 @@ import { partName } from "./parts.js";
 export const HEADER_BYTES = 64;
 export const ENTRY_BYTES = 64;
 const ALIGNMENT = 64;
-/** The features that this viewer knows. */
+/** The features that this viewer supports. */
 const KNOWN_FEATURES = (1n << BigInt(FEATURES.length)) - 1n;
 const SIGNATURE = [0x89, 0x4d, 0x56, 0x47, 0x0d, 0x0a, 0x1a, 0x0a];
 const NO_PART = 0xffffffff;
-/** Chunks of a container, at most: 32 levels of 4, and room for ancillary ones. */
+/** Maximum number of chunks of a container: 32 levels of 4, plus room for ancillary ones. */
 const MOST_CHUNKS = 4096;
 
 export interface Header {
-  /** Bytes of the whole file. */
+  /** Size of the file in bytes. */
   fileBytes: number;
   chunks: number;
-  /** What a reader must know. */
+  /** Features that a reader must support. */
   features: Set<Feature>;
 }
 
 export interface Entry {
   /** Four letters. */
   kind: string;
-  /** A level, 0 being the finest, or after the levels a shell; null for chunks of no part. */
+  /** Index of a level, 0 being the finest, or of a shell, counted after the levels; null for chunks of no part. */
   part: number | null;
   offset: number;
   bytes: number;
-  /** Bytes after which the level renders. */
+  /** Bytes from the start of the file that suffice to render the level. */
   prefix: number;
   checksum: number;
 }
@@ -45,7 +45,7 @@ function view(bytes: Uint8Array): DataView {
   return new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
 }
 
-/** A u64 that counts bytes of a file: no file is beyond 2^53. */
+/** A u64 that counts bytes of a file; no file exceeds 2^53. */
 function length(data: DataView, at: number): number {
   const value = data.getBigUint64(at, true);
   if (value > BigInt(Number.MAX_SAFE_INTEGER)) throw new FieldError(`The number at byte ${at} is impossibly large (${value}).`);
@@ -69,7 +69,7 @@ export function readHeader(bytes: Uint8Array): Header {
   return header;
 }
 
-/** Reads the directory from the file's first `64 + 64 * chunks` bytes and checks both. */
+/** Reads the directory from the file's first `64 + 64 * chunks` bytes, and checks header and directory. */
 export function readDirectory(header: Header, bytes: Uint8Array): Entry[] {
   const end = HEADER_BYTES + ENTRY_BYTES * header.chunks;
   const head = bytes.slice(0, end);
@@ -101,7 +101,7 @@ export function readDirectory(header: Header, bytes: Uint8Array): Entry[] {
   return entries;
 }
 
-/** Reserved bytes are zero. */
+/** Checks that reserved bytes are zero. */
 function checkReserved(bytes: Uint8Array, fields: [number, number][], where: string): void {
   const isSet = ([from, to]: [number, number]) => bytes.subarray(from, to).some((byte) => byte !== 0);
   if (fields.some(isSet)) throw new FieldError(`${where} has a reserved byte that is set.`, REMEDY.newer);
@@ -126,7 +126,10 @@ function checkEntry(entry: Entry, before: Entry[], next: number, header: Header)
   }
 }
 
-/** The bytes of a chunk, held against their checksum. `bytes` starts at byte `start` of the file, which has so many `levels`. */
+/**
+ * The bytes of a chunk, with a verified checksum. `bytes` starts at byte `start` of the file, which has `levels`
+ * levels.
+ */
 export function chunkBytes(entry: Entry, bytes: Uint8Array, start: number, levels = Infinity): Uint8Array {
   const chunk = bytes.subarray(entry.offset - start, entry.offset - start + entry.bytes);
   const found = crc32(chunk);
@@ -134,7 +137,7 @@ export function chunkBytes(entry: Entry, bytes: Uint8Array, start: number, level
   throw new FieldError(`${chunkName(entry, levels)} at byte ${entry.offset} is damaged: its checksum is ${hex(found)} and should be ${hex(entry.checksum)}.`);
 }
 
-/** For messages. */
+/** The name of a chunk, for messages. */
 export function chunkName(entry: Entry, levels = Infinity): string {
   return entry.part === null ? `Chunk ${entry.kind}` : `Chunk ${entry.kind} of ${partName(levels, entry.part)}`;
 }

@@ -7,16 +7,16 @@ import { inflate } from "./zstd.js";
 export interface Mask {
   lookup: "nearest" | "trilinear";
   nodes: Triple;
-  /** A world position `p` lies at `p * scale + shift` in the mask's index space. */
+  /** A world position `p` is at `p * scale + shift` in the mask's index space. */
   scale: Triple;
   shift: Triple;
-  /** Trilinear: positions are inside from this value on. */
+  /** Trilinear masks: positions with at least this value are inside. */
   threshold: number;
-  /** z fastest. Bytes, 255 for 1, where all values are 0 or 1, as those for nearest are. */
+  /** Values, z fastest. Bytes with 255 for 1 if all values are 0 or 1, as in nearest masks. */
   values: Float32Array | Uint8Array;
 }
 
-/** Nodes of a mask, at most: it is coarse, and lies in memory whole. */
+/** Maximum number of nodes of a mask, which is coarse and entirely in memory. */
 const MOST_NODES = 2 ** 26;
 
 /** Reads chunk MASK. */

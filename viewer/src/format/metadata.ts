@@ -8,22 +8,22 @@ import { checkShells, checkSteps, isBox, isWithin } from "./shells.js";
 
 export type { Encoding, Harmonics, LevelMetadata, Metadata, NetworkShape, Triple } from "./generated.js";
 
-/** Blocks along each axis of a level. */
+/** Number of blocks along each axis of a level. */
 export function blockCounts(level: LevelMetadata): Triple {
   return level.dimensions.map((nodes) => Math.ceil(nodes / level.block_size)) as Triple;
 }
 
-/** The network's shape, where colour depends on the view by one. */
+/** The network's shape, if a network computes the view-dependent colour. */
 export function networkOf({ view }: Metadata): NetworkShape | null {
   return view && !("kind" in view) ? view : null;
 }
 
-/** The rules of harmonics, where colours are their coefficients. */
+/** The rules of harmonics, if colours are coefficients. */
 export function harmonicsOf({ view }: Metadata): Harmonics | null {
   return view && "kind" in view ? view : null;
 }
 
-/** Inputs of the network that follow the embedded direction. */
+/** Number of network inputs after the embedded direction. */
 export function networkInputs(metadata: Metadata): number {
   return networkOf(metadata)?.input === "features" ? metadata.features : 3 + metadata.features;
 }
@@ -33,12 +33,12 @@ export interface ValueGroup {
   kind: string;
   encoding: Encoding;
   channels: number;
-  /** The encoding's key in the level. */
+  /** Key of the encoding in the level's metadata. */
   key: string;
   color: boolean;
 }
 
-/** The groups of a part that are stored, in the order of their channels: density first, where it has its own. */
+/** The stored groups of a part, in the order of their channels: density first, if the part has its own. */
 export function storedGroups(metadata: Metadata, part: number): ValueGroup[] {
   const stored = partsOf(metadata)[part];
   return GROUPS.flatMap((group) => {
@@ -52,40 +52,40 @@ export function storedGroups(metadata: Metadata, part: number): ValueGroup[] {
   });
 }
 
-/** The same without density. */
+/** As `storedGroups`, without density. */
 export function valueGroups(metadata: Metadata, part: number): ValueGroup[] {
   return storedGroups(metadata, part).filter(({ key }) => key !== "density");
 }
 
-/** Whether blocks can inherit values of a chunk's kind: else they say where matter is. */
+/** Whether chunks of this kind hold colours, which blocks can inherit. Other kinds hold density. */
 export function isColor(kind: string): boolean {
   return GROUPS.some((group) => group.kind === kind && group.color);
 }
 
 const channelsOf = (name: string) => Number(GROUPS.find((group) => group.name === name)?.channels);
-/** Values of a node's directional brightness. */
+/** Number of values of a node's directional brightness. */
 export const DIRECTIONAL = channelsOf("directional");
-/** Values of a node's anisotropy. */
+/** Number of values of a node's anisotropy. */
 export const ANISOTROPY = channelsOf("anisotropy");
-/** Colour channels and features of a node, its directional brightness among them, at most. */
+/** Maximum number of colour channels and features of a node, including directional brightness. */
 const MOST_CHANNELS = 64;
 
-/** Whether a level or a shell has values of this kind. */
+/** Whether any level or shell has values of this kind. */
 export function hasLevels(metadata: Metadata, kind: "directional" | "anisotropy"): boolean {
   return partsOf(metadata).some((part) => part[kind] !== undefined);
 }
 
-/** Channels of colour and features that every level has. */
+/** Number of colour channels and features that every level has. */
 export function ownChannels(metadata: Metadata): number {
   return 3 + metadata.features;
 }
 
-/** Quadruples of channels of colour and features that the device holds for a node. */
+/** Number of quadruples of colour channels and features per node on the device. */
 export function channelQuads(metadata: Metadata): number {
   return Math.ceil(ownChannels(metadata) / 4);
 }
 
-/** The features that a reader of the metadata's file must know. */
+/** The features that a reader of this metadata must support. */
 export function requiredFeatures(metadata: Metadata): Set<Feature> {
   const { activation, march, levels, level_of_detail } = metadata;
   const placed = march.sampled !== undefined || march.voxel !== undefined;
@@ -114,7 +114,10 @@ export function readMetadata(bytes: Uint8Array): Metadata {
   return metadata;
 }
 
-/** Blocks of a level, at most, as in the program: its table is inflated before anything of it can be held to the file. */
+/**
+ * Maximum number of blocks of a level, as in the program: its table is decompressed before it can be checked against
+ * the file.
+ */
 const MOST_BLOCKS = 2 ** 26;
 
 function checkAgreement(metadata: Metadata): void {
@@ -188,12 +191,12 @@ function checkAgreement(metadata: Metadata): void {
   }
 }
 
-/** A part's key. */
+/** The key of a part. */
 function keyOf({ levels }: Metadata, part: number): string {
   return part < levels.length ? `levels[${part}]` : `shells[${part - levels.length}]`;
 }
 
-/** `decodes` are the meanings that the group may have. */
+/** Checks an encoding. `decodes` lists the decodings that the group allows. */
 function checkEncoding(stored: Encoding, key: string, decodes: string[]): void {
   const { number: type, bits, decode, center, step, curve } = stored;
   const [least, most] = { u8: [1, 8], u16: [9, 16], f16: [16, 16], f32: [32, 32] }[type];

@@ -1,12 +1,15 @@
-/** Modules of WebAssembly: what is slow in plain script. Each has a plain form, for pages that may not run it. */
+/**
+ * WebAssembly modules for code that is slow in JavaScript. Each has a JavaScript version, for pages that do not allow
+ * WebAssembly.
+ */
 
-/** Where memory is free: what is below is the module's own. */
+/** Start of free memory; lower addresses belong to the module itself. */
 const FREE = 1 << 16;
 const PAGE = 1 << 16;
-/** Bytes of a vector, at whose multiples places start. */
+/** Bytes per vector; addresses are multiples of this. */
 export const VECTOR = 16;
 
-/** What a module exports; null where the page or the device does not allow it. */
+/** The exports of a module; null if the page or the device does not allow it. */
 export async function instance<Exports>(module: BufferSource): Promise<Exports | null> {
   try {
     return (await WebAssembly.instantiate(module)).instance.exports as Exports;
@@ -15,7 +18,7 @@ export async function instance<Exports>(module: BufferSource): Promise<Exports |
   }
 }
 
-/** Places of so many bytes each in a module's memory, which grows where they need it. What was there before is lost. */
+/** Allocates areas of the given sizes in a module's memory, which grows if necessary. Earlier contents are lost. */
 export function places<Name extends string>(memory: WebAssembly.Memory, bytes: Record<Name, number>): Record<Name, number> {
   let end = FREE;
   const starts = {} as Record<Name, number>;

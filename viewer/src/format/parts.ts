@@ -1,13 +1,13 @@
-/** Levels and shells, which are both parts, and the boxes that they span: section 6 of `formats/mipvog.md`, "Nested boxes". */
+/** Parts, which are levels and shells, and their boxes: section 6 of `formats/mipvog.md`, "Nested boxes". */
 
 import type { Box, LevelMetadata, Metadata } from "./generated.js";
 
-/** All that has a table and atlases: levels, and after them the shells of levels 1, 2 and so on. */
+/** All parts: the levels, then the shells of levels 1, 2 and so on. Each has a table and atlases. */
 export function partsOf({ levels, shells = [] }: Metadata): LevelMetadata[] {
   return [...levels, ...shells];
 }
 
-/** Whether the field is a world: boxes lie around that of level 0. */
+/** Whether the field is a world: boxes surround that of level 0. */
 export function isNested({ shells }: Metadata): boolean {
   return shells !== undefined;
 }
@@ -17,7 +17,7 @@ export function levelOfPart({ levels }: Metadata, part: number): number {
   return part < levels.length ? part : part - levels.length + 1;
 }
 
-/** The parts of a level in the order of a file: its shell, if it has one, and itself. */
+/** The parts of a level in file order: its shell, if any, then the level itself. */
 export function partsOfLevel({ levels, shells = [] }: Metadata, level: number): number[] {
   return level > 0 && level <= shells.length ? [levels.length + level - 1, level] : [level];
 }
@@ -30,28 +30,28 @@ export function partsFrom(metadata: Metadata, finest: number): number[] {
   });
 }
 
-/** For messages. */
+/** The name of a part, for messages. */
 export function partName(levels: number, part: number): string {
   return part < levels ? `level ${part}` : `the shell of level ${part - levels + 1}`;
 }
 
-/** The boxes, smallest first: that of level 0, and those of shells. */
+/** The boxes, smallest first: that of level 0, then those of the shells. */
 export function boxesOf({ bounds, shells = [] }: Metadata): Box[] {
   return [bounds, ...shells.map((shell) => shell.bounds!)];
 }
 
-/** The box of everything. */
+/** The outermost box. */
 export function outerBounds(metadata: Metadata): Box {
   return metadata.shells?.at(-1)?.bounds ?? metadata.bounds;
 }
 
-/** The number of the box that a part spans: of a shell its own, of a level that of the next finer one. */
+/** Index of the box of a part: for a shell its own, for a level that of the next finer level. */
 export function boxOfPart(metadata: Metadata, part: number): number {
   const { levels, shells = [] } = metadata;
   return part < levels.length ? Math.min(Math.max(part - 1, 0), shells.length) : levelOfPart(metadata, part);
 }
 
-/** The boxes in which samples read a part: a shell in its own, a level in that which it spans and all smaller ones. */
+/** The boxes in which samples read a part: for a shell its own, for a level its box and all smaller ones. */
 export function boxesReading(metadata: Metadata, part: number): number[] {
   const own = boxOfPart(metadata, part);
   return part < metadata.levels.length ? Array.from({ length: own + 1 }, (_, box) => box) : [own];
@@ -62,13 +62,13 @@ export function finestPart({ levels }: Metadata, box: number): number {
   return box === 0 ? 0 : levels.length + box - 1;
 }
 
-/** The level that a part's inherited blocks are made of; null where there is none of the same box. */
+/** The level that a part's inherited blocks come from; null if no level has the same box. */
 export function inheritedFrom(metadata: Metadata, part: number): number | null {
   const coarser = levelOfPart(metadata, part) + 1;
   return coarser < metadata.levels.length && boxOfPart(metadata, part) === boxOfPart(metadata, coarser) ? coarser : null;
 }
 
-/** Edges of a box. */
+/** Lengths of the edges of a box. */
 export function extentOf({ min, max }: Box): number[] {
   return min.map((low, axis) => max[axis] - low);
 }

@@ -1,8 +1,8 @@
-/** What values of the metadata must be, each for itself. */
+/** Rules for single values of the metadata. */
 
 import { FieldError, REMEDY } from "../errors.js";
 
-/** What a value of the metadata must be; throws where it is not. */
+/** A rule for a value of the metadata; throws if the value breaks it. */
 export type Rule = ((value: unknown, key: string) => void) & { optional?: true };
 
 export function fail(key: string, expected: string): never {
@@ -32,13 +32,13 @@ export const text: Rule = (value, key) => {
 export const nullable = (rule: Rule): Rule => (value, key) => {
   if (value !== null) rule(value, key);
 };
-/** Of a key that may be missing. */
+/** Makes the key of a rule optional. */
 export const optional = (rule: Rule): Rule => Object.assign((value: unknown, key: string) => rule(value, key), { optional: true as const });
 export const list = (least: number, most: number, rule: Rule): Rule => (value, key) => {
   if (!Array.isArray(value) || value.length < least || value.length > most) fail(key, `a list of ${least} to ${most}`);
   value.forEach((item, i) => rule(item, `${key}[${i}]`));
 };
-/** Unknown and missing keys are errors, but for those of optional values. */
+/** A rule for an object. Unknown keys are errors, and so are missing keys, unless optional. */
 export const record = (rules: Record<string, Rule>): Rule => (value, key) => {
   if (typeof value !== "object" || value === null || Array.isArray(value)) fail(key, "an object");
   const found = value as Record<string, unknown>;
@@ -52,7 +52,7 @@ export const record = (rules: Record<string, Rule>): Rule => (value, key) => {
   }
 };
 const join = (key: string, name: string) => (key ? `${key}.${name}` : name);
-/** One of two objects: only the first one has the key. */
+/** A rule for one of two objects; only the first one has the key. */
 export const choice = (name: string, one: Rule, other: Rule): Rule => (value, key) => {
   const has = typeof value === "object" && value !== null && name in value;
   (has ? one : other)(value, key);

@@ -1,14 +1,16 @@
-/** What boxes around that of level 0 have to be: section 6 of `formats/mipvog.md`, "Nested boxes". */
+/** Rules for the boxes around that of level 0: section 6 of `formats/mipvog.md`, "Nested boxes". */
 
 import type { Box, LevelMetadata, Metadata } from "./generated.js";
 import { extentOf, outerBounds } from "./parts.js";
 import { fail } from "./rules.js";
 
-/** Samples of a ray in one box, at most; far below the whole numbers that the shader's floats count to. */
+/**
+ * Maximum number of samples of a ray in one box; far below the largest integer that is exact in the shader's floats.
+ */
 const MOST_SAMPLES = 2 ** 20;
-/** Steps of a ray through all boxes, at most: whole numbers that the shader's floats count to. */
+/** Maximum number of steps of a ray through all boxes: the largest integer that is exact in the shader's floats. */
 const MOST_STEPS = 2 ** 24;
-/** Distances of a box's nodes, in those of the next smaller one. */
+/** Range of the node spacing of a box relative to that of the next smaller one. */
 const [LEAST_APART, MOST_APART] = [1.5, 3];
 
 export function isBox({ min, max }: Box): boolean {
@@ -19,7 +21,7 @@ export function isWithin(inner: Box, outer: Box): boolean {
   return inner.min.every((low, axis) => outer.min[axis] <= low && inner.max[axis] <= outer.max[axis]);
 }
 
-/** Shells lie around each other, each with nodes about twice as far apart. */
+/** Checks that shells are nested, each with about twice the node spacing of the previous one. */
 export function checkShells(metadata: Metadata): void {
   const { bounds, levels, shells } = metadata;
   if (!shells) return;
@@ -40,7 +42,7 @@ export function checkShells(metadata: Metadata): void {
   });
 }
 
-/** The number of a ray's last sample, at most. */
+/** Upper bound on the index of the last sample of a ray. */
 export function lastSample(metadata: Metadata): number {
   const { levels, march, shells } = metadata;
   if (!shells) return Math.floor(Math.hypot(...levels[0].dimensions.map((nodes) => nodes + 1)) / march.stepsize);

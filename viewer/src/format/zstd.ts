@@ -1,13 +1,13 @@
-/** The only door to the zstd decoders. */
+/** The only interface to the zstd decoders. */
 
 import { Decompress, decompress } from "fzstd";
 import { ZSTDDecoder } from "zstddec";
 import { FieldError } from "../errors.js";
 
-/** The faster decoder, in WebAssembly; null where a page's security policy does not allow it. */
+/** The fast decoder, in WebAssembly; null if a page's security policy does not allow it. */
 let native: ZSTDDecoder | null = null;
 
-/** Makes `inflate` fast where the page allows it; without this, it is as right. */
+/** Makes `inflate` fast if the page allows WebAssembly; otherwise, the result is the same. */
 export async function prepareInflate(): Promise<void> {
   const decoder = new ZSTDDecoder();
   try {
@@ -18,7 +18,7 @@ export async function prepareInflate(): Promise<void> {
   }
 }
 
-/** Inflates exactly one frame to exactly `length` bytes; `name` is whose they are, for messages. */
+/** Decompresses exactly one frame to exactly `length` bytes. `name` describes the bytes in messages. */
 export function inflate(bytes: Uint8Array, length: number, name: string): Uint8Array {
   const wrong = () => new FieldError(`${name} holds a broken zstd frame, or one that is not of ${length} bytes.`);
   const header = headerOf(bytes);
@@ -37,7 +37,7 @@ export function inflate(bytes: Uint8Array, length: number, name: string): Uint8A
   throw wrong();
 }
 
-/** A frame that does not say how long it is: what comes out is counted. */
+/** Decompresses a frame that does not state its length, and counts the output. */
 function inflateUnstated(bytes: Uint8Array, length: number): Uint8Array {
   const out = new Uint8Array(length);
   let done = 0;
@@ -50,14 +50,14 @@ function inflateUnstated(bytes: Uint8Array, length: number): Uint8Array {
 }
 
 interface FrameHeader {
-  /** What the frame says it inflates to; null where it says nothing. */
+  /** Decompressed length that the frame states; null if it states none. */
   content: number | null;
-  /** Bytes of the header. */
+  /** Length of the header in bytes. */
   bytes: number;
   hasChecksum: boolean;
 }
 
-/** Null where the bytes do not start with a frame's header. */
+/** The header of a frame; null if the bytes do not start with one. */
 function headerOf(frame: Uint8Array): FrameHeader | null {
   const data = new DataView(frame.buffer, frame.byteOffset, frame.byteLength);
   if (frame.length < 6 || data.getUint32(0, true) !== 0xfd2fb528) return null;
@@ -73,7 +73,7 @@ function headerOf(frame: Uint8Array): FrameHeader | null {
   return { content: width === 4 ? data.getUint32(at, true) : Number(data.getBigUint64(at, true)), ...header };
 }
 
-/** Whether the bytes end with their first frame: decoders go on to a second one, or do not look at what follows. */
+/** Whether the bytes end with their first frame: decoders continue with a second frame, or ignore what follows. */
 function isOneFrame(bytes: Uint8Array, header: FrameHeader): boolean {
   let at = header.bytes;
   for (let isLast = false; !isLast; ) {
@@ -86,7 +86,7 @@ function isOneFrame(bytes: Uint8Array, header: FrameHeader): boolean {
   return at + (header.hasChecksum ? 4 : 0) === bytes.length;
 }
 
-/** What a frame's header says it inflates to; null where it says nothing, NaN where it is no header. */
+/** Decompressed length that a frame's header states; null if it states none, NaN if there is no header. */
 export function contentSize(frame: Uint8Array): number | null {
   const header = headerOf(frame);
   return header ? header.content : NaN;

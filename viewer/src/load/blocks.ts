@@ -1,15 +1,15 @@
-/** The blocks of a part that are stored: chunk TABL. */
+/** The stored blocks of a part: chunk TABL. */
 
 import { FieldError } from "../errors.js";
 import type { Triple } from "../format/metadata.js";
 import { contentSize, inflate } from "../format/zstd.js";
 
-/** In a table: the block is stored, but not on the device. */
+/** Table entry of a block that is stored in the file but not on the device. */
 export const ABSENT = 2 ** 32 - 1;
-/** Bits of a run's number that say what its blocks are. */
+/** Number of bits of a run's number that hold the kind of its blocks. */
 const KIND_BITS = 4;
 
-/** What each of `total` blocks is, in a file with shells: runs of equal blocks. */
+/** The kind of each of `total` blocks, in a file with shells: run-length coded. */
 function fromRuns(chunk: { name: string; bytes: Uint8Array }, total: number): Uint8Array {
   const no = (what: string) => new FieldError(`${chunk.name} ${what}.`);
   const size = contentSize(chunk.bytes);
@@ -36,18 +36,18 @@ function fromRuns(chunk: { name: string; bytes: Uint8Array }, total: number): Ui
 }
 
 export class Blocks {
-  /** Blocks with a frame, in order. */
+  /** Positions of the blocks with a frame, in order. */
   readonly places: Triple[] = [];
-  /** The frame of each block in C order; -1 of those without. */
+  /** Frame of each block in C order; -1 without one. */
   readonly frames: Int32Array;
   readonly inheritedCount: number;
-  /** By frame, whether the block's colours are inherited from the next coarser level. */
+  /** For each frame, whether the block's colours are inherited from the next coarser level. */
   private readonly inherited: boolean[] = [];
 
   constructor(
     readonly counts: Triple,
     chunk: { name: string; bytes: Uint8Array },
-    /** Whether the chunk has runs of equal blocks. */
+    /** Whether the chunk is run-length coded. */
     inRuns = false,
   ) {
     const [nx, ny, nz] = counts;
@@ -67,13 +67,13 @@ export class Blocks {
     return this.inherited[frame];
   }
 
-  /** The frame of a block; -1 where it is not stored or there is none. */
+  /** The frame of a block; -1 if it is not stored or does not exist. */
   frame(x: number, y: number, z: number): number {
     const [nx, ny, nz] = this.counts;
     return x < nx && y < ny && z < nz ? this.frames[(x * ny + y) * nz + z] : -1;
   }
 
-  /** One past the last frame that the frames before `end` repeat nodes of. */
+  /** One past the last frame whose nodes the frames before `end` repeat. */
   reach(end: number): number {
     if (end === 0) return 0;
     const [nx, ny, nz] = this.counts;
@@ -92,8 +92,8 @@ export class Blocks {
   }
 
   /**
-   * What the device knows of the blocks: one more than the first texel of each one's slot, of which x and y have 11 bits and z
-   * has 10; 0 where nothing is stored, `ABSENT` where `place` has none.
+   * The device's table of the blocks: one more than the first texel of each block's slot, with 11 bits each for x and y
+   * and 10 for z; 0 if the block is not stored, `ABSENT` if `place` has no slot for it.
    */
   table(place: (frame: number) => Triple | null): Uint32Array {
     return Uint32Array.from(this.frames, (frame) => {

@@ -1,6 +1,7 @@
 /**
- * What the device gets of blocks: bricks of texels, one a node; and bricks of which nodes can be seen, with aprons, the lowest
- * nodes of the next blocks. In the loops `Math.imul` and `| 0` keep numbers whole; powers would make them doubles.
+ * Block data for the device: bricks with one texel per node. Also bricks that mark visible nodes, with aprons, the
+ * lowest nodes of the next blocks. In the loops, `Math.imul` and `| 0` keep numbers integers; powers would make them
+ * doubles.
  */
 
 import type { Codes } from "../format/codings/index.js";
@@ -9,24 +10,24 @@ import type { Blocks } from "./blocks.js";
 /** One channel of blocks. */
 export interface Lane {
   codes: Codes;
-  /** The first block's first code; codes from block to block. */
+  /** The first block's first code, and the distance from block to block. */
   start: number;
   stride: number;
-  /** By code, what a texel has of it: bits of halves. */
+  /** For each code, the bits of the half float in a texel. */
   table: Uint16Array;
 }
 
-/** The codes of one channel of a block, and what stands in place of channels that there are not. */
+/** The codes of one channel of a block; `nothing` for missing channels. */
 function codesOf(lane: Lane | null, block: number, nodes: number, nothing: Uint8Array): Codes {
   return lane ? lane.codes.subarray(lane.start + block * lane.stride, lane.start + block * lane.stride + nodes) : nothing;
 }
 
-/** The lanes of a quadruple; null for channels that there are not. */
+/** The lanes of a quadruple; null for missing channels. */
 function four(lanes: (Lane | null)[], quad: number): (Lane | null)[] {
   return [0, 1, 2, 3].map((lane) => lanes[4 * quad + lane] ?? null);
 }
 
-/** Bricks of codes in one byte, four channels a texel: of the first four lanes block by block, then of the next four. */
+/** Bricks of one-byte codes, four channels per texel: the first four lanes block by block, then the next four. */
 export function codeBricks(lanes: (Lane | null)[], quads: number, blocks: number, nodes: number): Uint8Array {
   // Four at a time, the first in the lowest byte, as every device with WebGL has it.
   const out = new Uint32Array(quads * blocks * nodes);
@@ -45,7 +46,7 @@ function interleave(a: Uint8Array, b: Uint8Array, c: Uint8Array, d: Uint8Array, 
   for (let node = 0, at = start | 0; node < nodes; node = (node + 1) | 0, at = (at + 1) | 0) out[at] = a[node] | (b[node] << 8) | (c[node] << 16) | (d[node] << 24);
 }
 
-/** The same in halves, of codes of any width. */
+/** As `codeBricks`, with half floats, from codes of any width. */
 export function halfBricks(lanes: (Lane | null)[], quads: number, blocks: number, nodes: number): Uint16Array {
   const out = new Uint32Array(2 * quads * blocks * nodes);
   const [nothing, zero] = [new Uint8Array(nodes), Uint16Array.of(0)];
@@ -64,7 +65,10 @@ export function halfBricks(lanes: (Lane | null)[], quads: number, blocks: number
   return new Uint16Array(out.buffer);
 }
 
-/** Codes of density of the frames from `first` on; by code whether it can be seen, and whether what is not stored can. */
+/**
+ * Codes of density of the frames from `first` on; for each code, whether it can be visible, and whether empty space
+ * can.
+ */
 export interface Seen {
   codes: Codes;
   first: number;
@@ -72,7 +76,7 @@ export interface Seen {
   empty: 0 | 1;
 }
 
-/** Of the blocks `[from, to)` with their aprons, 1 for nodes that can be seen. */
+/** The blocks `[from, to)` with their aprons: 1 for nodes that can be visible. */
 export function seenBricks(blocks: Blocks, edge: number, [from, to]: [number, number], { codes, first, table, empty }: Seen): Uint8Array {
   const out = new Uint8Array((to - from) * (edge + 1) ** 3);
   const nodes = edge * edge * edge;
@@ -91,7 +95,7 @@ export function seenBricks(blocks: Blocks, edge: number, [from, to]: [number, nu
   return out;
 }
 
-/** The frame of a block, or of its next one along each axis whose bit is set. */
+/** The frame of a block, or of its neighbour along each axis whose bit is set. */
 function neighbour(blocks: Blocks, block: number, corner: number): number {
   const [x, y, z] = blocks.places[block];
   return blocks.frame(x + (corner >> 2), y + ((corner >> 1) & 1), z + (corner & 1));

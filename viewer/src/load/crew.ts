@@ -1,14 +1,14 @@
-/** Workers that decode parts of levels for the one that reads the container. */
+/** Workers that help the main worker decode parts of levels. */
 
 import { FieldError, REMEDY } from "../errors.js";
 import type { Metadata } from "../format/metadata.js";
 import { type Chunks, type DecodedPart, LevelDecoder } from "./level.js";
 import type { Plan } from "./plan.js";
 
-/** Fewer blocks than this are not worth another worker. */
+/** Minimum number of blocks per helper. */
 const LEAST_BLOCKS = 512;
 
-/** Consecutive blocks of a level or a shell without inherited ones. */
+/** Consecutive blocks of a level or a shell without inherited blocks. */
 export interface Job {
   metadata: Metadata;
   plan: Plan;
@@ -18,15 +18,15 @@ export interface Job {
   to: number;
 }
 
-/** What a helper answers to a job: its parts, then the marks of macro cells; or what is wrong. */
+/** A helper's answers to a job: its parts, then the marks of macro cells; or an error. */
 type Answer = { part: DecodedPart } | { marks: Uint8Array | null } | { message: string; remedy: string };
 
-/** The buffers of a part, which go without a copy. */
+/** The buffers of a part, for transfer without a copy. */
 export function buffersOf(part: DecodedPart): Transferable[] {
   return [part.color, part.density, part.directional].flatMap((bricks) => (bricks ? [bricks.buffer as ArrayBuffer] : []));
 }
 
-/** Says that it has started, then does the jobs that come through a port. */
+/** Reports that the helper has started, then runs the jobs that arrive at a port. */
 export function help(port: MessagePort): void {
   const answer = (what: Answer, transfer: Transferable[] = []) => port.postMessage(what, transfer);
   port.onmessage = ({ data: { metadata, plan, number, chunks, from, to } }: MessageEvent<Job>) => {
@@ -42,12 +42,12 @@ export function help(port: MessagePort): void {
   port.postMessage(null);
 }
 
-/** A worker that helps, as the one that reads knows it. */
+/** A helper, as seen by the main worker. */
 class Helper {
-  /** Whether it has started; false where it never will. */
+  /** Resolves to true when the helper has started, or to false if it never will. */
   readonly started: Promise<boolean>;
   isBusy = false;
-  /** Ends what is waited for. */
+  /** Ends the pending job. */
   private give: () => void = () => {};
 
   constructor(private readonly port: MessagePort) {
@@ -57,12 +57,12 @@ class Helper {
     });
   }
 
-  /** Nothing will come any more. */
+  /** Removes the helper: no more answers will come. */
   leave(): void {
     this.give();
   }
 
-  /** Does a job, whose chunks are given away; its marks of macro cells. */
+  /** Runs a job, whose chunks are transferred. Returns its marks of macro cells. */
   ask(job: Job, part: (part: DecodedPart) => void): Promise<Uint8Array | null> {
     const { port } = this;
     this.isBusy = true;
@@ -87,13 +87,16 @@ export class Crew {
     this.helpers.push(new Helper(port));
   }
 
-  /** The helper of this number, in the order in which they were added, is gone. */
+  /** Removes a helper, by its index in the order of addition. */
   leave(number: number): void {
     this.left.add(number);
     this.helpers[number]?.leave();
   }
 
-  /** Helpers for a level of so many blocks, as soon as all have started that will; none where it is better decoded without. */
+  /**
+   * Helpers for a level of this many blocks, as soon as all helpers have started or failed to. Empty if decoding is
+   * faster without helpers.
+   */
   async gather(blocks: number): Promise<Helper[]> {
     if (blocks < LEAST_BLOCKS) return [];
     const started = await Promise.all(this.helpers.map((helper) => helper.started));
@@ -102,7 +105,10 @@ export class Crew {
   }
 }
 
-/** Decodes all blocks of a level, each helper a share, which `job` makes; the marks of macro cells of all of them. */
+/**
+ * Decodes all blocks of a level. Each helper gets a share, which `job` creates. Returns the combined marks of macro
+ * cells.
+ */
 export async function decodeShares(helpers: Helper[], blocks: number, job: (from: number, to: number) => Job, part: (part: DecodedPart) => void): Promise<Uint8Array | null> {
   const share = Math.ceil(blocks / helpers.length);
   const at = (number: number) => Math.min(blocks, number * share);

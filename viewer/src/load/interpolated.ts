@@ -1,13 +1,13 @@
-/** What is interpolated between nodes: section 6 of `formats/mipvog.md`, as the reference renderer does it. */
+/** The values interpolated between nodes, as in the reference renderer: section 6 of `formats/mipvog.md`. */
 
 import type { Encoding, Metadata } from "../format/metadata.js";
 
-/** Densities beyond are as good as these, and differences of larger ones overflow. */
+/** Larger densities make no difference, and their differences would overflow. */
 export const LARGEST_DENSITY = 1e30;
-/** Opacity over one interval that nobody sees. */
+/** Largest invisible opacity over one interval. */
 const UNSEEN_OPACITY = 1e-10;
 
-/** From a stored density to the value that is interpolated. */
+/** Converts a stored density to the interpolated value. */
 export function interpolatedDensity({ shift, interval, order, function: relu }: Metadata["activation"], decode: Encoding["decode"]): (stored: number) => number {
   const bounded = (value: number) => Math.max(-LARGEST_DENSITY, Math.min(LARGEST_DENSITY, value));
   if (decode !== "raw_density" || order === "raw") return bounded;
@@ -17,7 +17,7 @@ export function interpolatedDensity({ shift, interval, order, function: relu }: 
   return (raw) => -Math.expm1(-density(raw) * interval);
 }
 
-/** The value up to which no cell between such nodes is visible. */
+/** The largest value for which a cell between such nodes is invisible. */
 export function invisibleDensity(activation: Metadata["activation"], decode: Encoding["decode"]): number {
   if (decode === "sqrt_optical_depth") return Math.sqrt(UNSEEN_OPACITY);
   if (decode === "opacity") return UNSEEN_OPACITY;

@@ -1,4 +1,4 @@
-/** Levels and shells, decoded and laid out for the device piece by piece. */
+/** Decodes levels and shells, and lays them out for the device piece by piece. */
 
 import { FieldError } from "../errors.js";
 import { type Colors, inherit } from "../format/codings/inherit.js";
@@ -16,65 +16,73 @@ import { freePlace, MacroCells, macroCounts, occupiedShares } from "./skip.js";
 import { isDirectional, TEXEL_BYTES, type Texel } from "./texels.js";
 import { weaveBricks } from "./weaver.js";
 
-/** Bytes of a piece's bricks, about. */
+/** Approximate bytes of a piece's bricks. */
 const PART_BYTES = 4 << 20;
 
-/** The way from where one stands to the nearest matter is this part of the box, at least, while finer levels may tell more. */
+/** Until finer levels are known, the standpoint is at least this fraction of the box away from the nearest matter. */
 const FREE_ENOUGH = 12;
 
-/** Codes that there is room for, of those that are wanted at once. */
+/** Room for codes, relative to those requested at once. */
 const ROOM = 1.25;
 
 /** Consecutive blocks of a level or a shell. */
 export interface DecodedPart {
-  /** The number of it among the field's parts. */
+  /** Index of the part among the field's parts. */
   part: number;
-  /** The first of them. */
+  /** Index of the first block. */
   first: number;
   blocks: number;
-  /** Texels along a brick. */
+  /** Texels along each edge of a brick. */
   side: number;
-  /** Bricks of density, one after the other: codes, or values as halves or in 32 bits; null where there are none, or in those of colour. */
+  /**
+   * Bricks of density, one after the other: codes, or values as half or 32-bit floats. Null without density, or if the
+   * colour bricks contain it.
+   */
   density: Uint8Array | Uint16Array | Float32Array | null;
-  /** Bricks of colour in four codes or halves a texel: those of the first quadruple of channels, then those of the next one. */
+  /** Bricks of colour with four codes or halves per texel: the first quadruple of channels, then the next one. */
   color: Uint8Array | Uint16Array;
-  /** Such bricks of what depends on the direction: anisotropy, then directional brightness; null where nothing does. */
+  /** Bricks of direction-dependent values: anisotropy, then directional brightness. Null without any. */
   directional: Uint8Array | Uint16Array | null;
-  /** The slot of each; null where they follow each other in the order of the level. */
+  /** Slot of each block; null if slots follow the order of the level. */
   slots: Uint32Array | null;
 }
 
-/** Skip distances of the macro cells of a box, of what it shows of a part. */
+/** Skip distances of a box's macro cells for one part. */
 export interface Skips {
   box: number;
   distances: Uint8Array;
 }
 
-/** What a level or a shell is entered into the tables by, after its blocks. */
+/** The data that enters a level or a shell into the tables, after its blocks. */
 export interface LevelEntry {
   part: number;
-  /** Of each block in C order, what `Blocks.table` says. */
+  /** The entry of each block in C order, from `Blocks.table`. */
   table: Uint32Array;
-  /** Of each box that the part is read in; none where it has no density, or where only the table has changed. */
+  /** Skip distances for each box that reads the part; empty without density, or if only the table has changed. */
   skips: Skips[];
-  /** Two corners, as shares of box 0, between which the level shows something; null where nobody asked, or without density. */
+  /** Two corners of the visible part of the level, as fractions of box 0; null if not requested, or without density. */
   occupied: [number[], number[]] | null;
-  /** The middle of the free space of a world's box 0, as shares of it; null where there is none, or that is not known. */
+  /**
+   * The centre of the free space in a world's box 0, as fractions of the box; null if there is none or it is unknown.
+   */
   free: number[] | null;
 }
 
-/** A level's chunks by their kinds. */
+/** A level's chunks by kind. */
 export type Chunks = Record<string, { name: string; bytes: Uint8Array }>;
 
-/** Colours of a level by their chunks, for inherited blocks of the next finer one. */
+/** Colours of a level by chunk kind, for inherited blocks of the next finer level. */
 export type LevelColors = Record<string, Colors>;
 
-/** The chunks that a part is decoded from: those that nobody knows may lie anywhere. */
+/** The chunks that a part is decoded from. Unknown chunks can be anywhere. */
 export function levelEntries(entries: Entry[], part: number): Entry[] {
   return entries.filter((entry) => entry.part === part && KNOWN.includes(entry.kind));
 }
 
-/** The chunks of a part, held against their checksums. `bytes` are those of the file, of so many `levels`, from `start` on. */
+/**
+ * The chunks of a part, with verified checksums. `bytes` are bytes of the file from `start` on; the file has `levels`
+ * levels.
+ */
 export function levelChunks(entries: Entry[], part: number, bytes: Uint8Array, start: number, levels = Infinity): Chunks {
   const own = levelEntries(entries, part);
   return Object.fromEntries(own.map((entry) => [entry.kind, { name: chunkName(entry, levels), bytes: chunkBytes(entry, bytes, start, levels) }]));
@@ -87,7 +95,7 @@ export class LevelDecoder {
   private readonly groups: Group[];
   private readonly macro: MacroCells;
 
-  /** Inherited blocks are made of the `coarser` level's colours. */
+  /** Inherited blocks take their colours from the `coarser` level. */
   constructor(
     private readonly metadata: Metadata,
     private readonly plan: Plan,
@@ -133,7 +141,7 @@ export class LevelDecoder {
     for (let first = from; first < to; first += step) yield this.part(first, Math.min(to, first + step));
   }
 
-  /** Copies of what a helper needs of the chunks for the blocks `[from, to)`, of a level without inherited ones. */
+  /** Copies of the chunk data that a helper needs for the blocks `[from, to)`, of a level without inherited blocks. */
   share(from: number, to: number): Chunks {
     const end = this.blocks.reach(to);
     const { name, bytes } = this.chunks.TABL;
@@ -176,7 +184,7 @@ export class LevelDecoder {
     };
   }
 
-  /** Marks macro cells; the bricks of density, null where the part has none, or where they are in those of colour. */
+  /** Marks macro cells. Returns the bricks of density; null without density, or if the colour bricks contain it. */
   private density(from: number, to: number): DecodedPart["density"] {
     const { blocks, macro, groups, plan } = this;
     const edge = this.stored.block_size;
@@ -201,12 +209,17 @@ export class LevelDecoder {
     return plan.texels.density === "halves" ? Uint16Array.from(own, (code) => toHalf(table[code])) : Float32Array.from(own, (code) => table[code]);
   }
 
-  /** Marks of macro cells that the parts so far have set, to be joined with others'; null where the level has no density. */
+  /**
+   * Marks of macro cells set by the parts so far, to combine with those of others; null if the level has no density.
+   */
   get marks(): Uint8Array | null {
     return this.stored.density ? this.macro.marks : null;
   }
 
-  /** The level's entry, when parts of all of its blocks have set `marks`; with what it shows where `isFraming`. `slotOf` is null for blocks that have no slot. */
+  /**
+   * The level's entry, after parts of all blocks have set `marks`. With `isFraming`, includes the visible part of the
+   * level. `slotOf` is null for blocks without a slot.
+   */
   entry(marks: Uint8Array | null, isFraming: boolean, slotOf: (frame: number) => number | null = (frame) => this.plan.firstSlot[this.number] + frame): LevelEntry {
     const { metadata, number, plan } = this;
     const table = this.table(slotOf);
@@ -240,31 +253,31 @@ export class LevelDecoder {
   }
 }
 
-/** The square root of the sum of the squares of the functions of band 2: the same in every direction. */
+/** The norm of the functions of band 2, which is the same in every direction. */
 const BAND_2_NORM = Math.sqrt(5 / (4 * Math.PI));
 
-/** One group of a level's channels, and of its codes those that are wanted next. */
+/** One group of a level's channels, with a window of its codes. */
 class Group {
   readonly encoding: Encoding;
   readonly channels: number;
   readonly name: string;
   private readonly table: Float64Array | null;
-  /** The same as halves, when they were asked for. */
+  /** The codes as half floats, once requested. */
   private halves: Uint16Array | null = null;
-  /** Codes of a frame. */
+  /** Number of codes per frame. */
   private readonly size: number;
-  /** Codes of the frames `[first, end)`, and room behind them. */
+  /** Codes of the frames `[first, end)`, with room after them. */
   private codes: Codes | null = null;
   private first = 0;
   private end = 0;
-  /** Whether the codes are those of all frames, which stay. */
+  /** Whether the codes are those of all frames and stay in memory. */
   private isWhole = false;
 
   constructor(
     readonly kind: string,
     private readonly atlas: Atlas,
     private readonly bytes: Uint8Array,
-    /** From a value to what the device interpolates. */
+    /** Converts a value to the one that the device interpolates. */
     readonly map: Value,
   ) {
     ({ encoding: this.encoding, channels: this.channels, name: this.name } = atlas);
@@ -281,8 +294,8 @@ class Group {
   }
 
   /**
-   * Codes of the frames `[from, to)`, and by code what is interpolated. Where there are too many codes for that, nodes have
-   * numbers of their own in place of codes.
+   * Codes of the frames `[from, to)`, and the interpolated value for each code. If there are too many different codes
+   * for a table, nodes have indices of their own instead.
    */
   looked(from: number, to: number): { codes: Codes; table: Float64Array } {
     const { codes } = this.window(from, to);
@@ -299,7 +312,10 @@ class Group {
     return Array.from({ length: channels }, (_, channel) => ({ codes, start: (channel * size) / channels, stride: size, table: halves }));
   }
 
-  /** Of anisotropy, 1 for each node whose values have a sum of squares above what is `needed` for its code of density. */
+  /**
+   * For anisotropy: 1 for each node whose sum of squared values exceeds the value that is `needed` for its code of
+   * density.
+   */
   exceeding(from: number, to: number, densities: Codes, needed: Float64Array): Uint8Array {
     const { channels, size } = this;
     const { codes, table } = this.looked(from, to);
@@ -320,8 +336,8 @@ class Group {
   }
 
   /**
-   * Codes of the frames `[from, to)`, the first of which is `first`. They are wanted in order, and may overlap. They stay as they
-   * are until the next ones are wanted.
+   * Codes of the frames `[from, to)`, the first of which is `first`. Requests come in order and may overlap. Codes stay
+   * valid until the next request.
    */
   window(from: number, to: number): { codes: Codes; first: number } {
     const { size } = this;
@@ -339,7 +355,10 @@ class Group {
   }
 }
 
-/** The codes of `kept` nodes from `start` on, at the front of an array with room for `more`: the same one where it has it. */
+/**
+ * Moves the codes of `kept` nodes from `start` on to the front of an array with room for `more`; reuses the array if it
+ * is large enough.
+ */
 function withRoom(codes: Codes, start: number, kept: number, more: number): Codes {
   if (kept + more <= codes.length) return codes.copyWithin(0, start, start + kept);
   const larger = new (codes.constructor as new (length: number) => Codes)(Math.ceil(ROOM * (kept + more)));

@@ -1,18 +1,18 @@
-/** What a device can hold. */
+/** The limits of a device. */
 
 import { FieldError, REMEDY } from "../errors.js";
 import type { DeviceLimits } from "./plan.js";
 
-/** Bytes of textures that a field should not go beyond, and of the device's memory, where that is known, the share that it may take. */
+/** Maximum bytes of textures for a field, and its maximum share of the device's memory, if known. */
 const [MOST_BYTES, MEMORY_SHARE] = [1.5 * 2 ** 30, 1 / 4];
 
-/** What a field may take where nobody says how much: browsers tell memory in gigabytes, or not at all. */
+/** The default limit of a field. Browsers report memory in gigabytes, or not at all. */
 function usualBytes(): number {
   const { deviceMemory } = navigator as { deviceMemory?: number };
   return Math.min(MOST_BYTES, (deviceMemory ?? Infinity) * 2 ** 30 * MEMORY_SHARE);
 }
 
-/** Asks the context of a canvas that is for nothing else: it is given back. */
+/** The limits from the context of a canvas with no other use, which is released. */
 export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLimits {
   const gl = canvas.getContext("webgl2") as WebGL2RenderingContext | null;
   if (!gl) throw new FieldError("This browser has no WebGL 2.", REMEDY.browser);
@@ -23,7 +23,7 @@ export function limitsOf(canvas: HTMLCanvasElement | OffscreenCanvas): DeviceLim
   return { side, bytes: usualBytes(), uniforms };
 }
 
-/** As of WebGPU, in browsers without WebGL 2; null where there is none either. */
+/** The limits of WebGPU, in browsers without WebGL 2; null if there is no WebGPU either. */
 export async function gpuLimits(): Promise<DeviceLimits | null> {
   const adapter = await navigator.gpu?.requestAdapter();
   if (!adapter) return null;

@@ -1,6 +1,6 @@
 /**
- * Reads a container coarse to fine: header and directory, metadata, then level after level as their bytes arrive.
- * Runs in a worker.
+ * Reads a container coarse to fine: header and directory, metadata, then level after level as bytes arrive. Runs in a
+ * worker.
  */
 
 import { FieldError } from "../errors.js";
@@ -17,67 +17,69 @@ import { type DeviceLimits, type Plan, plan } from "./plan.js";
 import { type Change, type Look, resident, Residents, runsOf } from "./residents.js";
 import { type ByteSource, openSource, type OwnSource, type RequestOptions, type Transfer } from "./source.js";
 
-/** The first request: header and directory of every container with a usual number of levels. */
+/** Length of the first request: header and directory of any container with a usual number of levels. */
 const FIRST_BYTES = 4096;
-/** Levels up to this share of the file come with the first picture. */
+/** Levels up to this share of the file are part of the first picture. */
 const FIRST_PICTURE = 1 / 25;
 
-/** Blocks between two that are wanted are decoded with them, up to so many: they may be of one run. */
+/**
+ * Up to this many unrequested blocks between two requested ones are decoded with them, because they may share a run.
+ */
 const BRIDGED = 64;
 
-/** What is known before the first level. */
+/** Data known before the first level. */
 export interface Opened {
   metadata: Metadata;
   plan: Plan;
   network: Layer[];
   mask: Mask | null;
-  /** Bytes of the whole file. */
+  /** Size of the complete file in bytes. */
   fileBytes: number;
-  /** The finest level that the file holds: not 0 where it is the first part of a container. */
+  /** The finest level in the file; not 0 if the file is a prefix of a container. */
   available: number;
-  /** Bytes from the file's start after which each level renders, fine to coarse. */
+  /** Bytes from the start of the file that suffice to render each level, fine to coarse. */
   prefixes: number[];
   transfer: Transfer;
 }
 
-/** What happens on the way. */
+/** Callbacks during loading. */
 export interface Listener {
   opened(opened: Opened): void;
   progress(arrived: number): void;
-  /** The bytes of a level or a shell have come, and its blocks will. */
+  /** The bytes of a level or a shell have arrived; its blocks will follow. */
   begun(part: number, round: number): void;
-  /** Blocks of a level or a shell, in any order; `round` counts the calls of `again`. */
+  /** Blocks of a level or a shell, in any order. `round` counts the calls of `again`. */
   part(part: DecodedPart, round: number): void;
-  /** All of its blocks have come, or others of them have slots now. */
+  /** All blocks of a part have arrived, or its blocks have new slots. */
   entry(entry: LevelEntry, round: number): void;
-  /** Where not all blocks have room: how many have, of those that have come, and whether it is the answer to a look. */
+  /** If not all blocks fit: how many blocks fit, how many have arrived, and whether this answers a `look`. */
   residents(held: number, known: number, isAnswer: boolean): void;
 }
 
-/** Levels and shells that come together, as they are in the file from `start` on. */
+/** Levels and shells that arrive together: bytes of the file from `start` on. */
 interface Piece {
   parts: number[];
   bytes: Uint8Array;
   start: number;
-  /** Colours of the level before, where the first one has inherited blocks. */
+  /** Colours of the level before, if the first one has inherited blocks. */
   coarser: LevelColors | null;
 }
 
-/** One container on its way. */
+/** Loads one container. */
 export class Loader {
   private readonly source: ByteSource;
   private entries: Entry[] = [];
   private opened: Opened | null = null;
   readonly crew = new Crew();
-  /** What was decoded, to be decoded again after the device lost it. */
+  /** Decoded data, kept to be decoded again if the device loses it. */
   private readonly kept: Piece[] = [];
   private round = 0;
-  /** Whether a level has told where the field is to be seen. */
+  /** Whether a level has reported the visible part of the field. */
   private isFramed = false;
-  /** Where not all blocks have room, those that have; what decodes others, and the skip distances that were found. */
+  /** If not all blocks fit: the resident ones, the decoders of others, and the skip distances found. */
   private residents: Residents | null = null;
   private readonly decoders = new Map<number, { decoder: LevelDecoder; entry: LevelEntry }>();
-  /** What is being decoded, and waits to be. */
+  /** The work in progress and waiting. */
   private queue: Promise<unknown> = Promise.resolve();
 
   constructor(
@@ -127,12 +129,12 @@ export class Loader {
     }
   }
 
-  /** Loads no more; what came stays. */
+  /** Stops loading. Loaded data stays. */
   stop(): void {
     this.source.cancel();
   }
 
-  /** Decodes once more what was loaded. */
+  /** Decodes the loaded data again. */
   async again(): Promise<void> {
     const { opened } = this;
     this.round++;
@@ -142,14 +144,14 @@ export class Loader {
     });
   }
 
-  /** Does one thing after the other. */
+  /** Runs work one after the other. */
   private inTurn<T>(work: () => Promise<T>): Promise<T> {
     const done = this.queue.then(work);
     this.queue = done.catch(() => {});
     return done;
   }
 
-  /** Decodes a piece; the colours that the next one's inherited blocks are made of. */
+  /** Decodes a piece. Returns the colours for the next one's inherited blocks. */
   private async decode(opened: Opened, { parts, bytes, start, coarser }: Piece): Promise<LevelColors | null> {
     const { metadata, plan } = opened;
     const { round, listener, residents } = this;
@@ -190,7 +192,7 @@ export class Loader {
     return colors;
   }
 
-  /** The camera is somewhere else, in the field's axes: where not all blocks have room, those near it get it. */
+  /** Moves the camera, given in the field's axes. If not all blocks fit, those near the camera get slots. */
   async look(camera: Look): Promise<void> {
     const { residents, listener } = this;
     if (!residents) return;
@@ -201,7 +203,7 @@ export class Loader {
     });
   }
 
-  /** Brings blocks that have got slots to the device. */
+  /** Uploads blocks that have new slots to the device. */
   private move(changes: Change[]): void {
     const { listener, round, residents, decoders } = this;
     if (!residents) return;
@@ -229,7 +231,7 @@ export class Loader {
     }
   }
 
-  /** Header, directory and the chunks of no level before the first one; all bytes read. */
+  /** Reads header, directory and the chunks of no level before the first level. Returns all bytes read. */
   private async open(device: DeviceLimits): Promise<Uint8Array> {
     const { listener } = this;
     let bytes: Uint8Array = await this.source.read(0, FIRST_BYTES, listener.progress);
@@ -271,7 +273,7 @@ export class Loader {
     return bytes;
   }
 
-  /** The finest level of a file that may be the first part of a container, but only one that ends at a level. */
+  /** The finest level of a file that may be a prefix of a container. The file must end after a level. */
   private available(prefixes: number[], fileBytes: number): number {
     const { length } = this.source;
     if (length === null || length === fileBytes) return 0;
@@ -280,7 +282,7 @@ export class Loader {
     throw new FieldError(`The file has ${length} bytes, which is not where a level ends; its header says ${fileBytes}.`);
   }
 
-  /** Levels, and their shells, that come together, coarsest first. */
+  /** Levels, with their shells, that arrive together, coarsest first. */
   private *pieces({ metadata, plan, fileBytes }: Opened): Generator<number[]> {
     // Levels that render with the finest one only come with it.
     const together = metadata.levels.some(({ density }) => density === null);
@@ -297,12 +299,15 @@ export class Loader {
     return this.entries.find((entry) => entry.kind === kind && entry.part === part);
   }
 
-  /** Bytes from the file's start after which a part can be decoded: its prefix may hold unknown chunks behind those of finer ones. */
+  /**
+   * Bytes from the start of the file that suffice to decode a part: its prefix may contain unknown chunks after those
+   * of finer parts.
+   */
   private end(part: number): number {
     return Math.max(0, ...levelEntries(this.entries, part).map(paddedEnd));
   }
 
-  /** Where the levels and shells end that come with the first picture, as far as the directory tells. */
+  /** End of the levels and shells of the first picture, as far as the directory is known. */
   private firstEnd(fileBytes: number): number {
     const ends = [...new Set(this.entries.flatMap(({ part }) => part ?? []))].map((part) => this.end(part));
     const { length } = this.source;

@@ -1,4 +1,4 @@
-/** What the page and the worker say to each other. */
+/** The messages between page and worker. */
 
 import type { DecodedPart, LevelEntry } from "./level.js";
 import type { Opened } from "./loader.js";
@@ -7,9 +7,9 @@ import type { Look } from "./residents.js";
 import type { OwnSource, RequestOptions } from "./source.js";
 
 /**
- * Ask the device for its limits; load a container; decode again what was loaded; load no more; where not all has room, keep what is near the
- * camera, at a place in the field's axes; let the helpers at `ports` decode, too; go on
- * without the one of a number; be one, at `port`.
+ * In order: query the device's limits; load a container; decode the loaded data again; stop loading; if not everything
+ * fits, keep what is near the camera, which is given in the field's axes; let the helpers at `ports` decode too; remove
+ * a helper; be a helper, at `port`.
  */
 export type Request =
   | { kind: "device" }
@@ -21,7 +21,10 @@ export type Request =
   | { kind: "left"; helper: number }
   | { kind: "help"; port: MessagePort };
 
-/** The first reply says that the script runs. `limits` are null where workers have no WebGL. `round` counts the times that levels were asked for again; what is of an earlier round is of no use. */
+/**
+ * The first reply reports that the script runs. `limits` are null if workers have no WebGL. `round` counts how often
+ * levels were requested again; replies of earlier rounds are obsolete.
+ */
 export type Reply =
   | { kind: "running" }
   | { kind: "device"; limits: DeviceLimits | null }
@@ -31,7 +34,7 @@ export type Reply =
   | { kind: "part"; part: DecodedPart; round: number }
   | { kind: "entry"; entry: LevelEntry; round: number }
   | { kind: "residents"; held: number; known: number; isAnswer: boolean }
-  /** What was asked for again has come. */
+  /** The requested levels have arrived again. */
   | { kind: "again" }
   | { kind: "done" }
   | { kind: "failed"; message: string; remedy: string };

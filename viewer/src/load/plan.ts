@@ -1,11 +1,12 @@
 /**
- * Where stored blocks lie in the device's textures.
+ * The places of stored blocks in the device's textures.
  *
- * All levels and shells share an atlas of density and one of colour. A stored block takes a slot of both, a cube of its
- * nodes. A texture's x is the field's z, so that nodes lie as in the file.
+ * All levels and shells share an atlas of density and one of colour. A stored block takes one slot of both, a cube of
+ * its nodes. A texture's x is the field's z, so nodes are in file order.
  *
- * What depends on the direction, which only some levels have, lies in a third atlas with the same slots, as many rows
- * of them along y as those levels take: they have the first slots. Of parts alike, the coarsest comes first.
+ * Direction-dependent values, which only some levels have, are in a third atlas. It has the same slots, but only as
+ * many rows along y as those levels need: they have the first slots. Among levels alike in this, the coarsest comes
+ * first.
  */
 
 import { FieldError, REMEDY } from "../errors.js";
@@ -14,65 +15,67 @@ import { partsFrom, partsOf } from "../format/parts.js";
 import { macroSides } from "./skip.js";
 import { TEXEL_BYTES, type Texels, texelsOf } from "./texels.js";
 
-/** What the device can hold. */
+/** The limits of a device. */
 export interface DeviceLimits {
-  /** Texels along a 3D texture. */
+  /** Maximum texels along a 3D texture. */
   side: number;
-  /** Bytes of textures, at most. */
+  /** Maximum bytes of textures. */
   bytes: number;
-  /** Uniforms of four numbers that a fragment shader may have. */
+  /** Maximum number of four-component uniforms in a fragment shader. */
   uniforms: number;
 }
 
 export interface Plan {
   /** The finest level that fits. */
   finest: number;
-  /** Texels along a slot. */
+  /** Texels along each edge of a slot. */
   slot: number;
   /** Slots along the atlas's x, y and z. */
   slots: Triple;
-  /** Quadruples of colour channels; each has its own slot of the colour atlas, one behind the other along z. */
+  /**
+   * Number of quadruples of colour channels. Each has its own slot of the colour atlas; they are consecutive along z.
+   */
   quads: number;
-  /** The same of values that depend on the direction, anisotropy before directional brightness; 0 where none does. */
+  /** Number of quadruples of direction-dependent values, anisotropy before directional brightness; 0 without any. */
   directionalQuads: number;
-  /** Slots of their atlas along its y. */
+  /** Number of rows of slots along the y of the direction-dependent atlas. */
   directionalRows: number;
-  /** Slots before the first one of each part; none where `isPartial`. */
+  /** Number of slots before the first one of each part; empty if `isPartial`. */
   firstSlot: number[];
-  /** Whether there are fewer slots than blocks, so that blocks get them and lose them as the camera moves. */
+  /** Whether there are fewer slots than blocks, so blocks gain and lose slots as the camera moves. */
   isPartial: boolean;
-  /** Bytes of all textures, and those that they may take. */
+  /** Bytes of all textures, and their limit. */
   bytes: number;
   most: number;
   texels: Texels;
-  /** Uniforms of four numbers that the device takes. */
+  /** Maximum number of four-component uniforms. */
   uniforms: number;
 }
 
-/** In the table of blocks, texels have 11 bits along x and y, and 10 along z. */
+/** Table entries have 11 bits for texels along x and y, and 10 along z. */
 const [MOST_TEXELS, DEEPEST_TEXELS] = [2048, 1024];
 
-/** Of the room for blocks, the share that must be left for them: tables of finer levels than that are not worth it. */
+/** Minimum share of the memory that must remain for blocks: levels whose tables take more are left out. */
 const LEAST_SHARE = 0.5;
 
-/** Whether a part has values that depend on the direction. */
+/** Whether a part has direction-dependent values. */
 export function partIsDirectional(metadata: Metadata, part: number): boolean {
   const { anisotropy, directional } = partsOf(metadata)[part];
   return (anisotropy ?? directional) !== undefined;
 }
 
-/** What all layouts of a field have in common. */
+/** Measures that all layouts of a field share. */
 interface Measures {
   quads: number;
   slot: number;
   texels: Texels;
   directionalQuads: number;
-  /** Bytes of a slot of density and colour, and of one of what depends on the direction. */
+  /** Bytes of a slot of density and colour, and of a slot of direction-dependent values. */
   slotBytes: number;
   directionalBytes: number;
-  /** Slots that lie one behind the other, of the deepest atlas. */
+  /** Number of consecutive slots per block in the deepest atlas. */
   deepest: number;
-  /** Bytes beside atlases and tables. */
+  /** Bytes of other textures. */
   others: number;
 }
 
@@ -95,8 +98,8 @@ function measuresOf(metadata: Metadata, others: number): Measures {
 }
 
 /**
- * Lays out all levels down to `available`, or where they do not fit, coarsest first, as many as do. `others` are bytes of
- * textures beside those of atlases, tables and skip distances.
+ * Lays out all levels down to `available`. If they do not fit, as many as fit, coarsest first. `others` are bytes of
+ * textures besides atlases, tables and skip distances.
  */
 export function plan(metadata: Metadata, device: DeviceLimits, available: number, others = 0): Plan {
   const measures = measuresOf(metadata, others);
@@ -113,7 +116,7 @@ export function plan(metadata: Metadata, device: DeviceLimits, available: number
   throw new FieldError(`This field's blocks do not fit in the textures of this device (${device.side} texels a side).`, REMEDY.device);
 }
 
-/** As many levels as fit whole; null where none does. */
+/** As many complete levels as fit; null if none fits. */
 function planWhole(metadata: Metadata, device: DeviceLimits, available: number, measures: Measures): Plan | null {
   const { levels } = metadata;
   const parts = partsOf(metadata);
@@ -143,8 +146,8 @@ function planWhole(metadata: Metadata, device: DeviceLimits, available: number, 
 }
 
 /**
- * Room for a part of the blocks of all levels, which those near the camera get; null where the coarsest level does not fit.
- * The finest levels whose tables alone would take too much are left out.
+ * Room for a part of the blocks of all levels, for those near the camera. Null if the coarsest level does not fit. The
+ * finest levels are left out if their tables alone are too large.
  */
 function planSome(metadata: Metadata, device: DeviceLimits, available: number, measures: Measures): Plan | null {
   const { levels } = metadata;
@@ -166,17 +169,17 @@ function planSome(metadata: Metadata, device: DeviceLimits, available: number, m
   return null;
 }
 
-/** Rows of so many slots, along y. */
+/** Number of rows along y for `count` slots. */
 function rowsOf(count: number, [x, , z]: Triple): number {
   return Math.ceil(count / (x * z));
 }
 
-/** Bytes of atlases. */
+/** Bytes of the atlases. */
 function bytesOf([x, y, z]: Triple, directionalRows: number, { slotBytes, directionalBytes }: Measures): number {
   return x * z * (y * slotBytes + directionalRows * directionalBytes);
 }
 
-/** Stored blocks of all levels and shells from a level on. */
+/** Number of stored blocks in all levels and shells from a level on. */
 export function blocksFrom(metadata: Metadata, finest: number): number {
   return partsFrom(metadata, finest).reduce((sum, part) => sum + partsOf(metadata)[part].blocks_stored, 0);
 }
@@ -191,15 +194,15 @@ function tableBytes([x, y, z]: Triple): number {
   return 4 * x * y * z;
 }
 
-/** Slots along an axis, and along the one where quadruples lie behind each other, at most. */
+/** Maximum number of slots along an axis, and along the axis of consecutive quadruples. */
 function mostSlots(side: number, { slot, deepest }: Measures): [number, number] {
   const most = Math.floor(Math.min(side, MOST_TEXELS) / slot);
   return [most, Math.min(most, Math.floor(Math.min(DEEPEST_TEXELS, side / deepest) / slot))];
 }
 
 /**
- * Slots along each axis for `count` of them, `directional` of which are in the third atlas: those that leave the least room
- * unused, of numbers along z from that of a cube to twice as many. Null where they do not fit.
+ * Slots along each axis for `count` slots, of which `directional` are in the third atlas. Tries numbers along z from
+ * that of a cube to twice as many, and picks the one with the least unused space. Null if they do not fit.
  */
 function arrange(count: number, directional: number, side: number, measures: Measures): Triple | null {
   const [most, deepest] = mostSlots(side, measures);
@@ -216,7 +219,7 @@ function arrange(count: number, directional: number, side: number, measures: Mea
   return best && best.slots;
 }
 
-/** Slots along each axis, `count` of them at most. */
+/** Slots along each axis, at most `count` in total. */
 function arrangeWithin(count: number, side: number, measures: Measures): Triple | null {
   const [most, deepest] = mostSlots(side, measures);
   if (most < 1 || deepest < 1 || count < 1) return null;
@@ -225,7 +228,7 @@ function arrangeWithin(count: number, side: number, measures: Measures): Triple 
   return [x, Math.min(most, Math.floor(count / (x * z))), z];
 }
 
-/** The place of a slot. Slots along z follow each other, so that their bricks, one behind the other, are one box of texels. */
+/** The place of a slot. Slots along z are consecutive, so their bricks form one box of texels. */
 export function slotPlace({ slots: [x, , z] }: Plan, slot: number): Triple {
   return [Math.floor(slot / z) % x, Math.floor(slot / (x * z)), slot % z];
 }

@@ -1,4 +1,4 @@
-/** Makes decoding fast where the page and the device allow it; without this, it is as right. */
+/** Makes decoding fast if the page and the device allow WebAssembly; otherwise, the result is the same. */
 
 import { prepareLanes } from "../format/codings/lanes.js";
 import { prepareInflate } from "../format/zstd.js";

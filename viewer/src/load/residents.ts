@@ -1,10 +1,10 @@
 /**
- * Which blocks are on the device where not all have room.
+ * Decides which blocks are on the device if not all fit.
  *
- * A block's rank is the distance of its nodes over its own distance from the camera, half as much outside of what the camera
- * sees: what looks coarse comes first. A block of the next coarser level at the same place has nodes twice as far apart, is no
- * further away, and is seen where this one is. So it always comes before, and what is absent is shown by the next coarser
- * level wherever that has room at all.
+ * The rank of a block is its node spacing divided by its distance from the camera, and half of that outside the
+ * camera's view: blocks that look coarse come first. A block of the next coarser level at the same place has twice the
+ * node spacing, is no farther away, and is visible wherever this one is. It therefore always ranks higher, and the next
+ * coarser level replaces absent blocks wherever it fits at all.
  */
 
 import type { Metadata, Triple } from "../format/metadata.js";
@@ -12,38 +12,44 @@ import { boxesOf, boxOfPart, extentOf, levelOfPart, partsOf } from "../format/pa
 import type { DecodedPart } from "./level.js";
 import type { Plan } from "./plan.js";
 
-/** Where a camera is and looks, in a field's axes; what it sees is within an angle of `forward`, of length 1, with this cosine. */
+/**
+ * Position and direction of a camera in a field's axes. It sees everything within an angle of `forward`, which has
+ * length 1; `cosine` is the cosine of the angle.
+ */
 export interface Look {
   place: readonly number[];
   forward: readonly number[];
   cosine: number;
 }
 
-/** Of a block that is not seen, the rank against one that is. */
+/** Factor on the rank of a block outside the view. */
 const UNSEEN = 0.5;
-/** A block that has a slot keeps it against others with ranks up to so many times its own: less than 2, for the order of levels, and what is seen. */
+/**
+ * A block keeps its slot against others of up to this many times its rank. Less than 2, to keep the order of levels and
+ * of visible blocks.
+ */
 const LOYALTY = 1.1;
-/** Ranks are told apart in so many steps for each doubling, over so many doublings around 1. */
+/** Resolution of ranks: steps per doubling, and number of doublings around 1. */
 const [STEPS, DOUBLINGS] = [32, 40];
 /** The block has no slot. */
 const NONE = -1;
 
-/** What is known of one part. */
+/** The state of one part. */
 interface Part {
   places: readonly Triple[];
-  /** Of the part's first node, and between nodes, in the field's axes. */
+  /** Position of the part's first node, and its node spacing, in the field's axes. */
   start: number[];
   apart: number[];
   edge: number;
-  /** Whether its blocks always have slots: those of the coarsest level. */
+  /** Whether its blocks always have slots, as those of the coarsest level. */
   isBase: boolean;
   slots: Int32Array;
 }
 
-/** Blocks of a part that have come to slots, or lost them. */
+/** Blocks of a part that gained or lost slots. */
 export interface Change {
   part: number;
-  /** Those that have got a slot, in order. */
+  /** Blocks that gained a slot, in order. */
   gained: number[];
   hasLost: boolean;
 }
@@ -51,9 +57,9 @@ export interface Change {
 export class Residents {
   private readonly parts = new Map<number, Part>();
   private readonly free: number[];
-  /** In the middle of the innermost box, and sees everything, until it is known. */
+  /** The camera. Until it is known, at the centre of the innermost box, seeing everything. */
   private camera: Look;
-  /** Nearer than this, all is as near. */
+  /** Smaller distances count as this. */
   private readonly nearest: number;
 
   constructor(
@@ -66,7 +72,7 @@ export class Residents {
     this.nearest = Math.min(...extentOf(metadata.bounds).map((extent, axis) => extent / metadata.levels[0].dimensions[axis])) / 16;
   }
 
-  /** Blocks that have slots, and all that are known. */
+  /** Number of blocks with slots, and of all known blocks. */
   get count(): [number, number] {
     let [held, all] = [0, 0];
     for (const { slots } of this.parts.values()) {
@@ -76,12 +82,12 @@ export class Residents {
     return [held, all];
   }
 
-  /** The camera is here now. */
+  /** Moves the camera. */
   look(camera: Look): void {
     this.camera = camera;
   }
 
-  /** One more part, with its stored blocks in order. */
+  /** Adds a part, with its stored blocks in order. */
   add(number: number, places: readonly Triple[]): void {
     if (this.parts.has(number)) return;
     const stored = partsOf(this.metadata)[number];
@@ -96,13 +102,13 @@ export class Residents {
     });
   }
 
-  /** The slot of a block; null where it has none. */
+  /** The slot of a block; null without one. */
   slotOf(part: number, block: number): number | null {
     const slot = this.parts.get(part)?.slots[block] ?? NONE;
     return slot === NONE ? null : slot;
   }
 
-  /** Gives slots to the blocks of the highest ranks; what has changed, coarse to fine. */
+  /** Gives slots to the blocks of the highest ranks. Returns the changes, coarse to fine. */
   settle(): Change[] {
     const ranks = [...this.parts].map(([number, part]) => ({ number, part, steps: this.stepsOf(part) }));
     const counts = new Uint32Array(2 * DOUBLINGS * STEPS + 1);
@@ -144,7 +150,7 @@ export class Residents {
     return changes.filter(({ gained, hasLost }) => hasLost || gained.length > 0);
   }
 
-  /** Of a part's blocks, their ranks in steps. */
+  /** The ranks of a part's blocks, in steps. */
   private stepsOf({ places, start, apart, edge, isBase, slots }: Part): Uint16Array {
     const most = 2 * DOUBLINGS * STEPS;
     const { place: camera, forward, cosine } = this.camera;
@@ -174,7 +180,7 @@ export class Residents {
   }
 }
 
-/** Of a decoded part, the bricks of blocks that have slots; null where none has. */
+/** The bricks of those blocks of a decoded part that have slots; null if none has. */
 export function resident(part: DecodedPart, { quads, directionalQuads }: Plan, slotOf: (block: number) => number | null): DecodedPart | null {
   const found: [number, number][] = [];
   for (let block = 0; block < part.blocks; block++) {
@@ -203,7 +209,10 @@ export function resident(part: DecodedPart, { quads, directionalQuads }: Plan, s
   };
 }
 
-/** Runs of consecutive blocks that hold all of `blocks`, which ascend; gaps of up to `gap` blocks are bridged. */
+/**
+ * Runs of consecutive blocks that contain all of `blocks`, which are in ascending order. Gaps of up to `gap` blocks are
+ * bridged.
+ */
 export function runsOf(blocks: readonly number[], gap: number): [number, number][] {
   const runs: [number, number][] = [];
   for (const block of blocks) {

@@ -1,10 +1,10 @@
 /**
  * Empty space that rays skip.
  *
- * The box is cut into macro cells of a few level-0 cells a side. A macro cell is occupied by a level if a sample of that
- * level can be visible in it. Each macro cell has, for each level, its skip distance: the Chebyshev distance to the
- * nearest occupied one. A ray jumps that far at once. `sample/skip.rs` of the reference renderer does the same. Where boxes
- * lie around each other, each has macro cells of its own.
+ * The box is divided into macro cells of a few level-0 cells per side. A macro cell is occupied by a level if a sample
+ * of that level can be visible in it. For each level, a macro cell has a skip distance: the Chebyshev distance to the
+ * nearest occupied one, which a ray skips at once. `sample/skip.rs` of the reference renderer does the same. Each
+ * nested box has macro cells of its own.
  */
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
@@ -13,9 +13,9 @@ import { invisibleDensity } from "./interpolated.js";
 import { sweepLanes } from "./sweeps.js";
 import { storedCodes } from "./texels.js";
 
-/** Level-0 cells along a macro cell's edge where the box has few. */
+/** Level-0 cells along each edge of a macro cell, in a box with few of them. */
 const LEAST_EDGE = 2;
-/** Macro cells along an axis, at most; and where there are several boxes, whose cells lie in memory together. */
+/** Maximum number of macro cells along an axis; and with several boxes, whose cells share memory. */
 const [MOST_CELLS, MOST_NESTED] = [128, 64];
 
 /** Nodes of a box at its finest. */
@@ -23,10 +23,10 @@ export function boxNodes(metadata: Metadata, box: number): Triple {
   return partsOf(metadata)[finestPart(metadata, box)].dimensions;
 }
 
-/** Bytes of skip distances, at most, as a share of those of all codes; and how much larger macro cells may become for that. */
+/** Maximum bytes of skip distances as a share of all codes; and how much larger macro cells may become to meet it. */
 const [MOST_SHARE, MOST_LARGER] = [0.25, 8];
 
-/** The finest cells of a box along a macro cell's edge, where those are `larger` than they should be. */
+/** Number of finest cells of a box along each edge of a macro cell, if macro cells are `larger` than usual. */
 function edgeOf(metadata: Metadata, box: number, larger: number): number {
   const most = Math.max(...boxNodes(metadata, box)) - 1;
   return larger * Math.max(LEAST_EDGE, Math.ceil(most / (isNested(metadata) ? MOST_NESTED : MOST_CELLS)));
@@ -36,10 +36,10 @@ function countsOf(metadata: Metadata, box: number, larger: number): Triple {
   return boxNodes(metadata, box).map((nodes) => Math.ceil((nodes - 1) / edgeOf(metadata, box, larger))) as Triple;
 }
 
-/** Boxes whose macro cells lie side by side along the field's y; more lie in rows along its z. */
+/** Number of boxes whose macro cells are side by side along the field's y; further boxes are in rows along its z. */
 export const BOXES_BESIDE = 16;
 
-/** Room for the macro cells of any box, and the sides of the texture that has all of them. */
+/** Room for the macro cells of any box, and the sides of the texture with all of them. */
 function roomOf(metadata: Metadata, larger: number): { room: Triple; sides: Triple } {
   const counts = boxesOf(metadata).map((_, box) => countsOf(metadata, box, larger));
   const room = [0, 1, 2].map((axis) => Math.max(...counts.map((count) => count[axis]))) as Triple;
@@ -48,7 +48,10 @@ function roomOf(metadata: Metadata, larger: number): { room: Triple; sides: Trip
   return { room, sides };
 }
 
-/** How much larger macro cells are: worlds of many boxes and few blocks would have more of them than of anything else. */
+/**
+ * Factor by which macro cells are larger: worlds of many boxes and few blocks would otherwise consist mostly of macro
+ * cells.
+ */
 function largerBy(metadata: Metadata): number {
   let larger = 1;
   for (; larger < MOST_LARGER; larger *= 2) {
@@ -58,30 +61,30 @@ function largerBy(metadata: Metadata): number {
   return larger;
 }
 
-/** The finest cells of a box along a macro cell's edge. */
+/** Number of finest cells of a box along each edge of a macro cell. */
 export function macroEdge(metadata: Metadata, box: number): number {
   return edgeOf(metadata, box, largerBy(metadata));
 }
 
-/** A box's macro cells along each axis. */
+/** Number of macro cells of a box along each axis. */
 export function macroCounts(metadata: Metadata, box: number): Triple {
   return countsOf(metadata, box, largerBy(metadata));
 }
 
-/** Room for the macro cells of any box along the field's axes: along x for a quadruple of levels. */
+/** Room for the macro cells of any box along the field's axes; along x, for a quadruple of levels. */
 export function macroRoom(metadata: Metadata): Triple {
   return roomOf(metadata, largerBy(metadata)).room;
 }
 
-/** Sides of the texture of skip distances, of four bytes a texel, whose x is the field's z. */
+/** Sides of the texture of skip distances, with four bytes per texel. Its x is the field's z. */
 export function macroSides(metadata: Metadata): Triple {
   return roomOf(metadata, largerBy(metadata)).sides;
 }
 
-/** Of the occupied macro cells along an axis, those at each end that may be stray. */
+/** Share of the occupied macro cells along an axis that may be outliers, at each end. */
 const STRAY = 0.005;
 
-/** Two corners, as shares of the box, between which nearly all occupied macro cells lie. */
+/** Two corners, as fractions of the box, between which nearly all occupied macro cells lie. */
 export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [number[], number[]] {
   const [nx, ny, nz] = counts;
   const along = counts.map((count) => new Float64Array(count));
@@ -98,7 +101,7 @@ export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [numb
     }
   }
   if (sum === 0) return [[0, 0, 0], [1, 1, 1]];
-  /** The first cell behind the stray ones. */
+  /** The first cell after the outliers. */
   const start = (cells: Float64Array) => {
     let passed = 0;
     return cells.findIndex((count) => (passed += count) > STRAY * sum);
@@ -106,7 +109,10 @@ export function occupiedShares(skipDistances: Uint8Array, counts: Triple): [numb
   return [along.map((cells, axis) => start(cells) / counts[axis]), along.map((cells, axis) => 1 - start(cells.slice().reverse()) / counts[axis])];
 }
 
-/** The middle of the cell that is furthest from all occupied ones and from the box's faces, if it is `least` cells away, as shares of the box. */
+/**
+ * The centre of the cell farthest from all occupied cells and from the faces of the box, as fractions of the box, if it
+ * is at least `least` cells away.
+ */
 export function freePlace(skipDistances: Uint8Array, counts: Triple, least: number): number[] | null {
   const [nx, ny, nz] = counts;
   const toFace = (at: number, count: number) => Math.min(at, count - 1 - at) + 1;
@@ -128,7 +134,7 @@ export function freePlace(skipDistances: Uint8Array, counts: Triple, least: numb
   return best && best.place;
 }
 
-/** A group of cells along an axis, and the first and last node of a block that is a corner of one of them. */
+/** A group of cells along an axis, and the first and last node of a block at their corners. */
 interface Nodes {
   group: number;
   first: number;
@@ -137,14 +143,14 @@ interface Nodes {
 
 /** The macro cells of one level or shell. */
 export class MacroCells {
-  /** Groups of `edge` cells of the part a side: 1 where a corner of one of them can be seen. */
+  /** Groups of `edge` cells of the part per side: 1 if a corner of one of them can be visible. */
   readonly marks: Uint8Array;
   private readonly edge: number;
   private readonly nodes: Triple;
   private readonly block: number;
-  /** The density up to which nothing is seen. */
+  /** The largest invisible density. */
   readonly limit: number;
-  /** Of each axis, by the place of a block along it, what `groups` says. */
+  /** For each axis and each block position along it, the result of `groups`. */
   private readonly along: readonly Nodes[][][];
 
   constructor(
@@ -160,7 +166,7 @@ export class MacroCells {
     this.limit = invisibleDensity(metadata.activation, stored.density?.decode ?? "raw_density");
   }
 
-  /** Skip distances in a box for the part, of the `marks` that all of its blocks have set. */
+  /** Skip distances of the part in a box, from the `marks` set by all of its blocks. */
   skipDistances(marks: Uint8Array, box: number): Uint8Array {
     const counts = macroCounts(this.metadata, box);
     const [nx, ny, nz] = counts;
@@ -170,7 +176,10 @@ export class MacroCells {
     return skipDistances;
   }
 
-  /** Marks the groups in which a corner of a cell can be seen. `bricks` say which nodes can, of the blocks at `places` and their aprons. */
+  /**
+   * Marks the groups in which a corner of a cell can be visible. `bricks` mark such nodes, for the blocks at `places`
+   * and their aprons.
+   */
   mark(bricks: Uint8Array, places: Triple[]): void {
     const { marks } = this;
     const [, gy, gz] = this.groupCounts();
@@ -190,7 +199,7 @@ export class MacroCells {
     }
   }
 
-  /** Whether a node of a box in a brick can be seen. Most boxes tell by one of their first nodes. */
+  /** Whether a node of a box in a brick can be visible. In most boxes, one of the first nodes decides. */
   private canBeSeen(bricks: Uint8Array, brick: number, xs: Nodes, ys: Nodes, zs: Nodes): boolean {
     const side = this.block + 1;
     for (let x = xs.first; x <= xs.last; x++) {
@@ -203,8 +212,8 @@ export class MacroCells {
   }
 
   /**
-   * The groups along an axis of the cells whose lowest nodes a block holds, and of these cells the corners. The last node of
-   * an axis is no cell's lowest.
+   * The groups along an axis of the cells whose lowest nodes are in a block, and the corners of these cells. The last
+   * node of an axis is no cell's lowest.
    */
   private groups(place: number, axis: number): Nodes[] {
     const { edge, block } = this;
@@ -221,7 +230,7 @@ export class MacroCells {
     return this.nodes.map((nodes) => Math.ceil(nodes / this.edge)) as Triple;
   }
 
-  /** Writes 0 into the macro cells of a box that marked groups overlap. */
+  /** Writes 0 to the macro cells of a box that marked groups overlap. */
   private clear(groups: Uint8Array, skipDistances: Uint8Array, box: number): void {
     const counts = macroCounts(this.metadata, box);
     const [, ny, nz] = counts;
@@ -245,7 +254,7 @@ export class MacroCells {
     }
   }
 
-  /** Along an axis, in macro cells of a box, where the part's first node is, and the distance of its nodes. */
+  /** The position of the part's first node along an axis and its node spacing, in macro cells of a box. */
   private placeIn(box: number, axis: number): [number, number] {
     const { metadata } = this;
     const [all, own] = [boxesOf(metadata), boxOfPart(metadata, this.part)];
@@ -267,8 +276,8 @@ export class MacroCells {
 }
 
 /**
- * Writes the distances of cells that are 0 or 255 over them. One sweep from each end, over the 13 neighbours that it has passed,
- * is exact for the largest of the distances along the axes.
+ * Replaces cells that are 0 or 255 by their distances. One sweep from each end, over the 13 neighbours already visited,
+ * is exact for the Chebyshev distance.
  */
 export function sweepBoth(cells: Uint8Array, counts: Triple): void {
   sweep(cells, counts);
@@ -277,7 +286,7 @@ export function sweepBoth(cells: Uint8Array, counts: Triple): void {
   cells.reverse();
 }
 
-/** Each cell's least distance by way of the cells that lie before it. */
+/** Sets each cell to its smallest distance through the preceding cells. */
 function sweep(skipDistances: Uint8Array, [nx, ny, nz]: Triple): void {
   // Of the plane before, the least of each cell and its 8 neighbours; of this plane, that of its 2 along the row.
   const before = new Uint8Array(ny * nz).fill(255);
@@ -308,7 +317,10 @@ function sweep(skipDistances: Uint8Array, [nx, ny, nz]: Triple): void {
   }
 }
 
-/** Of a row of `count` values, the least of each and those beside it; `from` and `to` are the first ones. */
+/**
+ * For a row of `count` values, the smallest of each value and its two neighbours; `from` and `to` are the first
+ * indices.
+ */
 function leastAlong(values: Uint8Array, from: number, out: Uint8Array, to: number, count: number): void {
   let before = 255;
   let own = values[from];

@@ -1,14 +1,14 @@
-/** Where a container's bytes come from. */
+/** The sources of a container's bytes. */
 
 import { FieldError, REMEDY } from "../errors.js";
 
-/** A `.mipvog` file: its address, its bytes, or what a server has answered, which is read whole. */
+/** A `.mipvog` file: its address, its bytes, or a response of a server, which is read completely. */
 export type Source = string | URL | Blob | ArrayBuffer | ArrayBufferView<ArrayBuffer> | Response;
 
-/** The same on its way to the worker. */
+/** A source in the form sent to the worker. */
 export type OwnSource = string | Blob;
 
-/** How the host of an address is asked, beside by the range: with these headers, and with what credentials. */
+/** The headers and credentials of requests, in addition to the range. */
 export interface RequestOptions {
   headers?: Record<string, string>;
   credentials?: RequestCredentials;
@@ -17,18 +17,18 @@ export interface RequestOptions {
 /** How bytes arrive. */
 export type Transfer = "ranges" | "whole" | "memory";
 
-/** Called with all bytes that have arrived. */
+/** Called with the number of bytes received. */
 export type Progress = (arrived: number) => void;
 
 /** Bytes that are read in order, each piece once. */
 export interface ByteSource {
   /** Known after the first read. */
   readonly transfer: Transfer;
-  /** Bytes of the whole, if known after the first read. */
+  /** Total number of bytes, if known after the first read. */
   readonly length: number | null;
-  /** Bytes `[from, to)`, or as many of them as there are. `from` is where the last read ended. */
+  /** Reads the bytes `[from, to)`, or as many as exist. `from` is the end of the last read. */
   read(from: number, to: number, progress: Progress): Promise<Uint8Array<ArrayBuffer>>;
-  /** Ends what is under way. */
+  /** Cancels pending requests. */
   cancel(): void;
 }
 
@@ -57,14 +57,14 @@ class MemorySource implements ByteSource {
   }
 }
 
-/** A request that failed is made again after each of these times, in milliseconds. */
+/** Delays before retries of a failed request, in milliseconds. */
 const WAITS = [500, 1500, 4000];
-/** One that brings nothing for so long has failed. */
+/** A request that receives nothing for this long has failed. */
 const IDLE_MS = 30_000;
-/** Answers of servers that may answer otherwise a little later. */
+/** Status codes of errors that may be temporary. */
 const PASSING = [408, 429, 500, 502, 503, 504];
 
-/** HTTP: ranges where the server offers them, else one download that is read as it comes. */
+/** HTTP: ranges if the server supports them, else one streamed download. */
 class HttpSource implements ByteSource {
   transfer: Transfer = "ranges";
   length: number | null = null;
@@ -94,12 +94,12 @@ class HttpSource implements ByteSource {
     return joined(pieces);
   }
 
-  /** Where a piece that should end at `to` ends. */
+  /** The end of a piece that should end at `to`. */
   private end(to: number): number {
     return this.length === null ? to : Math.min(to, this.length);
   }
 
-  /** Tries again what may work a little later. */
+  /** Retries work that may succeed later. */
   private async persist<T>(work: () => Promise<T>): Promise<T> {
     for (const wait of WAITS) {
       try {
@@ -114,7 +114,7 @@ class HttpSource implements ByteSource {
     return work();
   }
 
-  /** Bytes from `from` on, at most to `to`; null where there are none, or where all come as one stream from now on. */
+  /** Bytes from `from` on, up to `to`. Null if there are none, or if everything arrives as one stream from now on. */
   private async readPart(from: number, to: number, progress: Progress): Promise<Uint8Array<ArrayBuffer> | null> {
     try {
       const response = await this.fetch(from, to);
@@ -139,7 +139,7 @@ class HttpSource implements ByteSource {
     }
   }
 
-  /** Reads all as one stream from now on. */
+  /** Reads everything as one stream from now on. */
   private begin(response: Response, from: number): null {
     if (from > 0) throw new FieldError("The server stopped offering parts of the file.", REMEDY.network);
     this.transfer = "whole";
@@ -154,7 +154,7 @@ class HttpSource implements ByteSource {
     this.abort.abort();
   }
 
-  /** Asks for the bytes `[from, to)`, or for all where `to` is null; null where the file ends before them. */
+  /** Requests the bytes `[from, to)`, or everything if `to` is null. Null if the file ends before these bytes. */
   private async fetch(from: number, to: number | null): Promise<Response | null> {
     const { headers, ...request } = this.request;
     const range = to === null ? {} : { Range: `bytes=${from}-${to - 1}` };
@@ -181,25 +181,25 @@ class HttpSource implements ByteSource {
   }
 }
 
-/** No answer, or an end before all of it was there. */
+/** No response, or a response that ended early. */
 class Unreachable extends FieldError {}
 
-/** A response's body, in pieces of a wanted size. */
+/** A response's body, in pieces of a requested size. */
 class Stream {
   private readonly reader: ReadableStreamDefaultReader<Uint8Array> | undefined;
-  /** What has come beyond the last piece. */
+  /** Received bytes after the last piece. */
   private rest: Uint8Array = new Uint8Array(0);
 
   constructor(
     response: Response,
     private arrived: number,
-    /** Whether the rest can be asked for. */
+    /** Whether the rest can be requested. */
     private readonly isPart = response.status === 206,
   ) {
     this.reader = response.body?.getReader();
   }
 
-  /** The next `count` bytes, or as many as there are. */
+  /** The next `count` bytes, or as many as exist. */
   async read(count: number, progress: Progress): Promise<Uint8Array<ArrayBuffer>> {
     const pieces: Uint8Array[] = [];
     let left = count;
@@ -222,7 +222,7 @@ class Stream {
     return joined(pieces);
   }
 
-  /** Waits for the end of what ends here. */
+  /** Waits until the response ends. */
   async end(): Promise<void> {
     const { value } = (await this.reader?.read().catch(() => null)) ?? {};
     if (value) void this.reader?.cancel().catch(() => {});

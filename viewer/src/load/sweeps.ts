@@ -1,4 +1,4 @@
-/** The only door to `wasm/skip.ts`, which finds distances 16 cells at a time. `skip.ts` has the plain form. */
+/** The only interface to `wasm/skip.ts`, which computes distances 16 cells at a time. `skip.ts` has the plain form. */
 
 import module from "../../build/skip.wasm";
 import type { Triple } from "../format/metadata.js";
@@ -12,12 +12,12 @@ interface Module {
 
 let sweeper: Module | null = null;
 
-/** Makes skip distances fast where the page and the device allow it; without this, they are as right. */
+/** Makes skip distances fast if the page and the device allow WebAssembly; otherwise, the result is the same. */
 export async function prepareSweeps(): Promise<void> {
   sweeper = await instance<Module>(module);
 }
 
-/** What `sweepBoth` does; false where WebAssembly may not be used. */
+/** As `sweepBoth`. Returns false if WebAssembly is not allowed. */
 export function sweepLanes(cells: Uint8Array, [nx, ny, nz]: Triple): boolean {
   if (!sweeper) return false;
   const { memory } = sweeper;

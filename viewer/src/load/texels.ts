@@ -1,6 +1,6 @@
 /**
- * What the texels of a field's atlases are: codes as in the file, where all parts have those in one byte, or else values.
- * Shaders decode codes at the eight corners of a cell, and interpolate what they mean.
+ * The contents of texels in a field's atlases: codes as in the file, if all parts have one-byte codes, else values.
+ * Shaders decode codes at the eight corners of a cell and interpolate the values.
  */
 
 import { valueTable } from "../format/codings/values.js";
@@ -8,13 +8,13 @@ import { type Encoding, harmonicsOf, hasLevels, type Metadata, ownChannels, stor
 import { partsOf } from "../format/parts.js";
 import { interpolatedDensity, LARGEST_DENSITY } from "./interpolated.js";
 
-/** What a texel has of each channel: a code in a byte, or a value in 16 or 32 bits. */
+/** The contents of a texel per channel: a one-byte code, or a value of 16 or 32 bits. */
 export type Texel = "codes" | "halves" | "floats";
 export const TEXEL_BYTES: Readonly<Record<Texel | "beside", number>> = { codes: 1, halves: 2, floats: 4, beside: 0 };
 
 /**
- * Those of each atlas: density, colours, and what depends on the direction. Density that is as colours are, and has a channel
- * left beside them, is the last channel of their atlas.
+ * The texels of each atlas: density, colours, and direction-dependent values. If density has the same texels as colours
+ * and their last quadruple has a free channel, density is the last channel of the colour atlas.
  */
 export interface Texels {
   density: Texel | "beside";
@@ -22,12 +22,12 @@ export interface Texels {
   directional: Exclude<Texel, "floats">;
 }
 
-/** Whether a chunk's values depend on the direction, and so lie in the third atlas. */
+/** Whether a chunk's values depend on the direction, so that they are in the third atlas. */
 export function isDirectional(kind: string): boolean {
   return kind === "ANIS" || kind === "DIRB";
 }
 
-/** Codes of all levels and shells. */
+/** Number of codes in all levels and shells. */
 export function storedCodes(metadata: Metadata): number {
   return partsOf(metadata).reduce((sum, { blocks_stored, block_size }, part) => {
     const channels = storedGroups(metadata, part).reduce((sum, { channels }) => sum + channels, 0);
@@ -58,25 +58,26 @@ function densityTexel({ activation }: Metadata, encodings: Encoding[]): Texel {
   return encodings.every(isBounded) ? "codes" : "floats";
 }
 
-/** Groups of values by their chunks, in the order in which shaders number their encodings. */
+/** Groups of values by chunk kind, in the order in which shaders number their encodings. */
 export function encodedKinds(metadata: Metadata): string[] {
   const bands = ["BNDA", "BNDB", "BNDC"].slice(0, harmonicsOf(metadata)?.degree ?? 0);
   const features = harmonicsOf(metadata) ? bands : metadata.features > 0 ? ["FEAT"] : [];
   return ["DENS", "DIFF", ...features, ...(hasLevels(metadata, "directional") ? ["DIRB"] : []), ...(hasLevels(metadata, "anisotropy") ? ["ANIS"] : [])];
 }
 
-/** What the texels of a group of values have. */
+/** The texels of a group of values. */
 export function texelOf({ density, color, directional }: Texels, kind: string): Texel {
   if (kind === "DENS" && density !== "beside") return density;
   return isDirectional(kind) ? directional : color;
 }
 
-/** As textures give numbers from 0 to 1 for bytes. */
+/** Textures return bytes as numbers from 0 to 1. */
 const BYTE = 255;
 
 /**
- * What a shader decodes a texel's number `t` by: a code's value is `center + x * (step + curve * x * x)` with `x = t - |middle|`,
- * in that order; where `middle` is below 0, code 0 means nothing stored. Values are themselves.
+ * Parameters for decoding a texel `t` in the shader: the value of a code is `center + x * (step + curve * x * x)` with
+ * `x = t - |middle|`, computed in that order. If `middle` is below 0, code 0 means empty. Values are their own
+ * decoding.
  */
 export function decoding(texel: Texel, encoding: Encoding | null): number[] {
   if (!encoding) return [0, 0, 0, 0];

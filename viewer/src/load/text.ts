@@ -1,4 +1,4 @@
-/** The text of `worker.js`, in a script of its own: few need it. */
+/** The text of `worker.js`, in its own script because few pages need it. */
 
 import text from "../../build/worker.txt";
 

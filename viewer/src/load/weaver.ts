@@ -1,4 +1,7 @@
-/** The only door to `wasm/weave.ts`, which makes bricks of codes of one byte. `codeBricks` of `bricks.ts` is the plain form. */
+/**
+ * The only interface to `wasm/weave.ts`, which makes bricks of one-byte codes. `codeBricks` of `bricks.ts` is the plain
+ * form.
+ */
 
 import module from "../../build/weave.wasm";
 import type { Codes } from "../format/codings/index.js";
@@ -12,12 +15,12 @@ interface Module {
 
 let weaver: Module | null = null;
 
-/** Makes bricks fast where the page and the device allow it; without this, they are as right. */
+/** Makes bricks fast if the page and the device allow WebAssembly; otherwise, the result is the same. */
 export async function prepareWeaver(): Promise<void> {
   weaver = await instance<Module>(module);
 }
 
-/** What `codeBricks` makes; null where it has to. */
+/** As `codeBricks`; null if WebAssembly is not allowed. */
 export function weaveBricks(lanes: (Lane | null)[], quads: number, blocks: number, nodes: number): Uint8Array | null {
   if (!weaver) return null;
   const { memory } = weaver;

@@ -1,4 +1,4 @@
-/** Loads one container and hands its levels over. Errors come as words. */
+/** Loads one container and passes its levels on. Errors are sent as text. */
 
 import { FieldError, REMEDY } from "../errors.js";
 import { buffersOf, help } from "./crew.js";
@@ -55,7 +55,7 @@ port.onmessage = async ({ data }) => {
 
 port.postMessage({ kind: "running" });
 
-/** Null where workers have no WebGL. */
+/** The limits of the device; null if workers have no WebGL. */
 function deviceLimits(): DeviceLimits | null {
   try {
     return limitsOf(new OffscreenCanvas(1, 1));
@@ -64,7 +64,7 @@ function deviceLimits(): DeviceLimits | null {
   }
 }
 
-/** What is no finding about the file: memory that the browser refuses, most of all. */
+/** The message of an error that is not a finding about the file, such as lack of memory. */
 function unexpected(error: unknown): string {
   return `The file could not be loaded: ${error instanceof Error ? error.message : String(error)}.`;
 }

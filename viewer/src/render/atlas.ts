@@ -1,4 +1,4 @@
-/** The way of decoded levels and shells into the device's textures. */
+/** Uploads decoded levels and shells to the device's textures. */
 
 import { FieldError, REMEDY } from "../errors.js";
 import { blockCounts, type Triple } from "../format/metadata.js";
@@ -10,38 +10,40 @@ import { macroCounts } from "../load/skip.js";
 import type { DeviceTexture, TextureDevice } from "./textureDevice.js";
 import { allocate, macroStart, tableStarts, type Textures } from "./textures.js";
 
-/** Bytes that go to the device in one frame, at most, and milliseconds that they may take, so that no frame takes long. */
+/** Maximum bytes and milliseconds of uploads per frame, so that no frame takes long. */
 const [UPLOAD_BYTES, UPLOAD_MS] = [16 << 20, 8];
-/** Blocks that go at once, at most: the clock is looked at between two goes. */
+/** Maximum number of blocks per upload; the clock is checked between uploads. */
 const UPLOAD_BLOCKS = 32;
 
-/** Macro cells that go at once, at least a plane of them. */
+/** Maximum number of macro cells per upload, at least one plane. */
 const UPLOAD_CELLS = 1 << 15;
 
-/** What is on its way to the device: blocks, and after all of a part's the part itself. `done` blocks or planes are there. */
+/**
+ * A pending upload: blocks, or, after all blocks of a part, the part itself. `done` counts uploaded blocks or planes.
+ */
 type Upload = { part: DecodedPart; done: number } | { entry: LevelEntry; done: number };
 
-/** What one device has of a field. */
+/** The data of a field on one device. */
 export class Atlas {
-  /** Levels and shells whose blocks are all there. */
+  /** Levels and shells whose blocks are all on the device. */
   readonly live = new Set<number>();
-  /** Counts what was entered. */
+  /** Counts the parts entered into the tables. */
   entered = 0;
-  /** What has it; null before the first upload. */
+  /** The device; null before the first upload. */
   device: TextureDevice | null = null;
-  /** Of each box, those of four levels a texel, and macro cells along its axes. */
+  /** Skip distances of each box, with those of four levels per texel, and macro cells along the box's axes. */
   private readonly skipDistances: { all: Uint8Array; counts: Triple }[];
   private uploads: Upload[] = [];
-  /** Levels whose parts are on their way from the decoders. */
+  /** Levels whose parts are still being decoded. */
   private readonly expected = new Set<number>();
-  /** What holds the live levels; null where there is no device. */
+  /** The textures of the live levels; null without a device. */
   textures: Textures | null = null;
-  /** Ends listening for the loss of the device. */
+  /** Stops listening for the loss of the device. */
   private deaf = () => {};
 
   /**
-   * `refused` is called where the device turns out to have no room for the field. `isFed` tells whether levels come from the
-   * first one on; else they have to come again when the device is known.
+   * `refused` is called if the device has no room for the field. `isFed` tells whether all levels arrive from the first
+   * one on; otherwise, they must be sent again when the device is known.
    */
   constructor(
     private readonly opened: Opened,
@@ -61,29 +63,29 @@ export class Atlas {
     if (this.isFed) this.expected.add(part);
   }
 
-  /** What is being decoded will not come. */
+  /** Expected parts will not arrive. */
   expectNothing(): void {
     this.expected.clear();
   }
 
-  /** Whether all levels that were to come are there. */
+  /** Whether all expected levels are on the device. */
   get isWhole(): boolean {
     const { metadata, plan } = this.opened;
     return this.live.size === partsFrom(metadata, plan.finest).length;
   }
 
-  /** Takes blocks of a level. What a lost device would get comes again after it is back. */
+  /** Adds blocks of a level. After the loss of a device, its data is sent again. */
   add(part: DecodedPart): void {
     if (this.isFed) this.uploads.push({ part, done: 0 });
   }
 
-  /** Takes a level all of whose blocks were added; it is live when `upload` has brought them to the device. */
+  /** Finishes a level whose blocks were all added. It is live after `upload` has brought them to the device. */
   finish(entry: LevelEntry): void {
     if (this.isFed) this.uploads.push({ entry, done: 0 });
     this.expected.delete(entry.part);
   }
 
-  /** Whether something waits for `upload`. */
+  /** Whether anything waits for `upload`. */
   get waiting(): boolean {
     return this.uploads.length > 0;
   }
@@ -93,7 +95,7 @@ export class Atlas {
     return this.expected.size > 0;
   }
 
-  /** The finest level without a hole below it that is live with its shell; null where there is none. */
+  /** The finest level that is live with its shell and all coarser levels; null if there is none. */
   get finest(): number | null {
     const { metadata } = this.opened;
     const { levels } = metadata;
@@ -105,8 +107,8 @@ export class Atlas {
   }
 
   /**
-   * Brings waiting blocks to the device, as many as a frame should. False where the device has lost what it had and
-   * all levels have to come again.
+   * Uploads waiting blocks to the device, as many as suit one frame. Returns false if the device lost its data and all
+   * levels must be sent again.
    */
   upload(device: TextureDevice): boolean {
     if (device.isLost) return true;
@@ -139,7 +141,7 @@ export class Atlas {
     this.textures = textures;
   }
 
-  /** What a lost device had is gone, and so is what was on its way. */
+  /** Forgets the data of a lost device, and pending uploads. */
   private readonly forget = (): void => {
     this.deaf();
     [this.textures, this.uploads, this.isFed] = [null, [], false];
@@ -164,7 +166,7 @@ export class Atlas {
     }
   }
 
-  /** Uploads a few blocks, whose slots follow each other, in one go; how many bytes that were. */
+  /** Uploads a few blocks with consecutive slots at once. Returns the number of bytes. */
   private bring(upload: { part: DecodedPart; done: number }, device: TextureDevice, textures: Textures): number {
     const { part, done } = upload;
     const { plan } = this.opened;
@@ -191,7 +193,7 @@ export class Atlas {
     return (bytes * blocks) / part.blocks;
   }
 
-  /** Enters a level into the tables, a few planes of macro cells in one go; how many bytes that were. */
+  /** Enters a level into the tables, a few planes of macro cells at once. Returns the number of bytes. */
   private enter(upload: { entry: LevelEntry; done: number }, device: TextureDevice, textures: Textures): number {
     const { part, table, skips } = upload.entry;
     // The planes of one box come after those of another.
@@ -214,7 +216,10 @@ export class Atlas {
     return table.byteLength;
   }
 
-  /** Puts the planes `[from, to)` of a part's skip distances in a box beside those of the levels that share their texels. */
+  /**
+   * Writes the planes `[from, to)` of a part's skip distances in a box, together with those of the levels that share
+   * their texels.
+   */
   private putSkipDistances(part: number, { box, distances }: Skips, [from, to]: [number, number], device: TextureDevice, textures: Textures): number {
     const { metadata } = this.opened;
     const { levels } = metadata;

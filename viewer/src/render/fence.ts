@@ -1,6 +1,6 @@
-/** Waiting for the device without holding the page up. */
+/** Waits for the device without blocking the page. */
 
-/** Calls back, never at once, when the device has done all that it was told; also where it was lost meanwhile. */
+/** Calls back asynchronously when the device has finished all its work, or was lost. */
 export function whenDone(gl: WebGL2RenderingContext, then: () => void): void {
   const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
   gl.flush();

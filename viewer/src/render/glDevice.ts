@@ -1,4 +1,4 @@
-/** A field's textures in plain WebGL 2, so that every framework on it can draw from them. */
+/** A field's textures in plain WebGL 2, so that every framework on WebGL 2 can draw from them. */
 
 import type { Triple } from "../format/metadata.js";
 import { whenDone } from "./fence.js";
@@ -6,14 +6,14 @@ import { type DeviceTexture, type Format, FORMAT_BYTES, type TextureDevice, type
 
 const known = new WeakMap<WebGL2RenderingContext, GlDevice>();
 
-/** The one device of a context. */
+/** The device of a context; there is one per context. */
 export function glDevice(gl: WebGL2RenderingContext): TextureDevice {
   let device = known.get(gl);
   if (!device) known.set(gl, (device = new GlDevice(gl)));
   return device;
 }
 
-/** Of a format, those of storage and of what is written, and its type. */
+/** Internal format, format and type of a texel format. */
 function names(gl: WebGL2RenderingContext, format: Format): [number, number, number] {
   if (format === "r8unorm") return [gl.R8, gl.RED, gl.UNSIGNED_BYTE];
   if (format === "rgba8unorm") return [gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE];
@@ -41,8 +41,8 @@ class GlDevice implements TextureDevice {
   }
 
   /**
-   * Frameworks remember what they set. The context knows the answers to these questions itself; that to the alignment of rows
-   * it would have to ask the device for.
+   * Frameworks cache the state that they set. The context itself answers these queries, but not that for the row
+   * alignment, which would wait for the device.
    */
   keeping<T>(run: () => T): T {
     const { gl } = this;
@@ -60,7 +60,10 @@ class GlDevice implements TextureDevice {
     }
   }
 
-  /** Asks whether the textures fit, once they are made: the page would wait for as long as the device is busy. */
+  /**
+   * Checks after allocation whether the textures fit: checking immediately would block the page while the device is
+   * busy.
+   */
   allocating<T>(run: () => T, full: () => void): T {
     const { gl } = this;
     const made = this.keeping(run);

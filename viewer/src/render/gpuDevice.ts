@@ -3,12 +3,12 @@
 import type { Triple } from "../format/metadata.js";
 import { type DeviceTexture, FORMAT_BYTES, type TextureDevice, type TextureShape } from "./textureDevice.js";
 
-/** What textures are for: `GPUTextureUsage`, of which TypeScript knows nothing. */
+/** Flags of `GPUTextureUsage`, which TypeScript does not know. */
 const [BINDING, WRITTEN] = [4, 2];
 
 const known = new WeakMap<GPUDevice, GpuDevice>();
 
-/** The textures of a device of WebGPU. */
+/** The textures of a WebGPU device. */
 export function gpuDevice(device: GPUDevice): TextureDevice {
   let found = known.get(device);
   if (!found) known.set(device, (found = new GpuDevice(device)));
@@ -26,7 +26,7 @@ class GpuDevice implements TextureDevice {
     });
   }
 
-  /** Nothing is set that others could find changed. */
+  /** WebGPU has no state to restore. */
   keeping<T>(run: () => T): T {
     return run();
   }

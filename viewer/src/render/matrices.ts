@@ -1,4 +1,4 @@
-/** Matrices of 16 numbers, column by column, as WebGL takes them. Those of places keep parallels parallel. */
+/** Matrices of 16 numbers in column-major order, as in WebGL. Transforms are affine. */
 
 export type Matrix = ArrayLike<number>;
 
@@ -9,7 +9,7 @@ export function product(a: Matrix, b: Matrix): number[] {
   });
 }
 
-/** Of a place: its last row is 0, 0, 0, 1. */
+/** Inverse of an affine transform, whose last row is 0, 0, 0, 1. */
 export function inverse(m: Matrix): number[] {
   const minors = [
     m[5] * m[10] - m[9] * m[6], m[9] * m[2] - m[1] * m[10], m[1] * m[6] - m[5] * m[2],
@@ -22,24 +22,27 @@ export function inverse(m: Matrix): number[] {
   return [a, b, c, 0, d, e, f, 0, g, h, i, 0, ...moved, 1];
 }
 
-/** What undoes the rotation of a place, and its mirroring, without its scale. */
+/** Undoes the rotation and mirroring of a transform, but not its scale. */
 export function unturned(m: Matrix): number[] {
   const [a, b, c] = [0, 4, 8].map((at) => [m[at], m[at + 1], m[at + 2]].map((value) => value / Math.hypot(m[at], m[at + 1], m[at + 2])));
   return [a[0], b[0], c[0], 0, a[1], b[1], c[1], 0, a[2], b[2], c[2], 0, 0, 0, 0, 1];
 }
 
-/** Whether a projection's rays are parallel. */
+/** Whether a projection is orthographic. */
 export function isParallel(projection: Matrix): boolean {
   return projection[15] === 1;
 }
 
-/** A factor and a shift along x and y: from a place in the picture, -1 to 1, to one at distance 1, or at any of parallel rays. */
+/**
+ * Factors and shifts along x and y: from a position in the picture, -1 to 1, to one at distance 1, or, for parallel
+ * rays, at any distance.
+ */
 export function lensOf(projection: Matrix): [number, number, number, number] {
   const [x, y] = isParallel(projection) ? [-projection[12], -projection[13]] : [projection[8], projection[9]];
   return [1 / projection[0], 1 / projection[5], x / projection[0], y / projection[5]];
 }
 
-/** The place of a camera that looks along a direction of length 1. */
+/** The transform of a camera that looks along a unit direction. */
 export function lookingAlong(origin: readonly number[], direction: readonly number[]): number[] {
   const cross = (a: readonly number[], b: readonly number[]) => [0, 1, 2].map((axis) => a[(axis + 1) % 3] * b[(axis + 2) % 3] - a[(axis + 2) % 3] * b[(axis + 1) % 3]);
   const back = direction.map((value) => -value);
@@ -49,7 +52,7 @@ export function lookingAlong(origin: readonly number[], direction: readonly numb
   return [...unit, 0, ...cross(back, unit), 0, ...back, 0, ...origin, 1];
 }
 
-/** Columns of the part without a shift. */
+/** The columns of the linear part. */
 export function linearPart(m: Matrix): number[] {
   return [0, 1, 2, 4, 5, 6, 8, 9, 10].map((at) => m[at]);
 }

@@ -1,21 +1,21 @@
-/** What a picture takes, and what it shows at a point: from values that the shader writes in place of colours. */
+/** The work of a picture and the position shown at a point, from values that the shader writes instead of colours. */
 
 import { isParallel, lensOf, type Matrix } from "./matrices.js";
 
-/** What a picture took, as means over the rays that meet the box. */
+/** The work of a picture, as means over the rays that meet the box. */
 export interface Statistics {
-  /** Rays that meet the box. */
+  /** Number of rays that meet the box. */
   rays: number;
   samplesPerRay: number;
   fetchesPerRay: number;
-  /** Samples between entry and exit, looked at or not. */
+  /** Samples between entry and exit, visited or skipped. */
   stepsPerRay: number;
 }
 
-/** Pixels along a picture of which one is picked, and the opacity that it must have. */
+/** Pixels along each side of the picture that a picked pixel belongs to, and the opacity that it must have. */
 const [PICKED, LEAST_PICKED] = [1024, 0.1];
 
-/** The statistics of pixels of `OUTPUT.statistics`, four numbers each, with 0 where nothing was drawn. */
+/** Statistics from pixels of `OUTPUT.statistics`, four numbers each; 0 where nothing was drawn. */
 export function statisticsOf(pixels: Float32Array): Statistics {
   const sums = [0, 0, 0, 0];
   for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 3] === 1) for (let j = 0; j < 4; j++) sums[j] += pixels[i + j];
@@ -24,18 +24,18 @@ export function statisticsOf(pixels: Float32Array): Statistics {
   return { rays, samplesPerRay: mean(samples), fetchesPerRay: mean(fetches), stepsPerRay: mean(steps) };
 }
 
-/** A projection of one small pixel alone, at `x`, `y`: shares of the picture's width and height from the top left. */
+/** A projection onto one small pixel at `x`, `y`, fractions of the picture's width and height from the top left. */
 export function pickedProjection(projection: Matrix, x: number, y: number): number[] {
   const middle = [2 * x - 1, 1 - 2 * y];
   return Array.from(projection, (value, at) => (at % 4 < 2 ? PICKED * (value - middle[at % 4] * projection[at - (at % 4) + 3]) : value));
 }
 
-/** A projection of the pixel that a ray is the middle of, to whose distance near and far do not matter. */
+/** A projection onto the pixel around a ray. Near and far do not affect its distance. */
 export const RAY_PROJECTION: readonly number[] = pickedProjection([100, 0, 0, 0, 0, 100, 0, 0, 0, 0, -1, -1, 0, 0, -1e-4, 0], 0.5, 0.5);
 
 /**
- * The world's point in the middle of a picture from `camera`, of one pixel of `OUTPUT.distance`; null where the field is next
- * to invisible.
+ * The world position at the centre of a picture from `camera`, from one pixel of `OUTPUT.distance`. Null if the field
+ * is nearly transparent there.
  */
 export function pickedPoint([distance, opacity]: Float32Array, camera: Matrix, projection: Matrix): [number, number, number] | null {
   if (!(opacity > LEAST_PICKED)) return null;

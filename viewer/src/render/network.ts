@@ -1,4 +1,4 @@
-/** The view-dependent network as a shader, and its weights as uniforms, or as a texture where they are many. */
+/** The view-dependent network as a shader. Its weights are uniforms or, if there are many, a texture. */
 
 import type { Layer } from "../format/network.js";
 import { type Metadata, type NetworkShape, networkOf, ownChannels } from "../format/metadata.js";
@@ -7,20 +7,23 @@ import type { Opened } from "../load/loader.js";
 import { encodedKinds } from "../load/texels.js";
 import type { Language } from "./shader.js";
 
-/** Widest layer of a network that a fragment can hold. */
+/** The widest network layer that a fragment can hold. */
 export const WIDEST_LAYER = 256;
-/** Texels along a row of the texture of weights: a power of two. */
+/** Texels per row of the texture of weights; a power of two. */
 export const WEIGHTS_WIDTH = 1024;
 
-/** Uniforms of four numbers that the shader has besides weights: for each level or shell beside its encodings, for each of several boxes, and for all of them. */
+/**
+ * Four-component uniforms besides the weights: per level or shell besides its encodings, per box if there are several,
+ * and for the whole field.
+ */
 const [UNIFORMS_OF_PART, UNIFORMS_OF_BOX, OTHER_UNIFORMS] = [4, 4, 64];
 
-/** Uniforms of four numbers that WebGPU takes: 64 KiB. */
+/** Maximum number of four-component uniforms in WebGPU: 64 KiB. */
 const GPU_UNIFORMS = 4096;
 
 /**
- * Whether the weights are uniforms. Those cost graphics cards next to nothing, as all pixels read the same ones
- * at the same time; texels of 32-bit floats are the dearest that there are.
+ * Whether the weights are uniforms. Uniforms are nearly free on GPUs, because all pixels read the same ones at the same
+ * time; 32-bit float texels are the most expensive.
  */
 export function weighsByUniforms({ metadata, plan, network }: Opened): boolean {
   const others = uniformsOfPart(metadata) * partsOf(metadata).length + (isNested(metadata) ? UNIFORMS_OF_BOX * boxesOf(metadata).length : 0) + OTHER_UNIFORMS;
@@ -31,7 +34,7 @@ function uniformsOfPart(metadata: Metadata): number {
   return UNIFORMS_OF_PART + encodedKinds(metadata).length;
 }
 
-/** Quadruples of packed weights. */
+/** Number of quadruples of packed weights. */
 function packedLength(network: Layer[]): number {
   return network.reduce((sum, { inputs, outputs }) => sum + quads(outputs) * (1 + 4 * quads(inputs)), 0);
 }
@@ -40,7 +43,7 @@ function quads(values: number): number {
   return Math.ceil(values / 4);
 }
 
-/** The first layer's inputs: the direction, its sines, its cosines, and what the ray has gathered. */
+/** The first layer's inputs: the direction, its sines, its cosines, and the values accumulated along the ray. */
 function inputQuads(view: NetworkShape, { metadata }: Opened, { vec4, gathered }: Words): string[] {
   const axes = ["x", "y", "z"].map((axis) => `d.${axis}`);
   const angles = axes.flatMap((axis) => Array.from({ length: view.frequencies }, (_, k) => `${axis} * ${2 ** k}.0`));
@@ -51,19 +54,19 @@ function inputQuads(view: NetworkShape, { metadata }: Opened, { vec4, gathered }
   return Array.from({ length: values.length / 4 }, (_, i) => `${vec4}(${values.slice(4 * i, 4 * i + 4).join(", ")})`);
 }
 
-/** What differs between the languages. */
+/** The differences between the languages. */
 interface Words {
   vec4: string;
-  /** What the ray has gathered. */
+  /** The values accumulated along the ray. */
   gathered: string;
   int: string;
-  /** Declares a list of quadruples; opens a function. */
+  /** Declares an array of quadruples; opens a function. */
   list(name: string, length: number): string;
   open(name: string, parameters: string, result: string): string;
   fetch: string;
 }
 
-/** Texels along a row, and the rows, of a weight's number: processors divide whole numbers one by one. */
+/** Column and row of the texel of a weight index. CPUs divide integers one by one, so there is no division. */
 const [COLUMN, ROW] = [`at & ${WEIGHTS_WIDTH - 1}`, `at >> ${Math.log2(WEIGHTS_WIDTH)}`];
 
 const GLSL: Words = {
@@ -102,7 +105,7 @@ export function networkSource(opened: Opened, language: Language): string {
     `  ${isGlsl ? "vec4 x" : "var x: vec4f"};`,
   ];
   const loop = (name: string, count: number, body: string) => `for (${int} ${name} = 0; ${name} < ${count}; ${name}++) { ${body} }`;
-  /** Adds to all outputs of a layer what `x` gives them. */
+  /** Adds the contribution of `x` to all outputs of a layer. */
   const spread = (layer: number) => {
     const sum = `${vec4}(dot(weight(at), x), dot(weight(at + 1), x), dot(weight(at + 2), x), dot(weight(at + 3), x))`;
     return loop("o", quads(network[layer].outputs), `v${layer}[o] += ${sum}; at += 4;`);
@@ -119,7 +122,10 @@ export function networkSource(opened: Opened, language: Language): string {
   return lines.join("\n");
 }
 
-/** Weights in the order in which the shader reads them: of each layer all biases, then for four inputs at a time the rows of all outputs. */
+/**
+ * Weights in the order in which the shader reads them: for each layer all biases, then, for four inputs at a time, the
+ * rows of all outputs.
+ */
 export function packWeights(network: Layer[]): number[] {
   const packed: number[] = [];
   for (const { inputs, outputs, weights, biases } of network) {

@@ -1,4 +1,4 @@
-/** The shaders: what a field fixes of them at compile time. The march itself is `march.glsl`. */
+/** Assembles the shaders from what a field fixes at compile time. `march.glsl` has the march itself. */
 
 import type { Layer } from "../format/network.js";
 import { type Encoding, harmonicsOf, hasLevels, type Metadata, storedGroups } from "../format/metadata.js";
@@ -13,7 +13,7 @@ import nested from "./nested.glsl";
 import { networkSource } from "./network.js";
 import rays from "./rays.glsl";
 
-/** Its version, as of the fragment shader, is the first line that a framework puts before it. */
+/** The framework prepends the version line, as for the fragment shader. */
 export const VERTEX = /* glsl */ `
 precision highp float;
 uniform mat4 u_toClip;
@@ -27,7 +27,7 @@ void main() {
 }
 `;
 
-/** What the fragment shader writes, as `u_output`. */
+/** The output of the fragment shader, as `u_output`. */
 export const OUTPUT = { color: 0, levels: 1, statistics: 2, distance: 3 } as const;
 
 /** Colours of levels, from the finest to the coarsest: blue, green, yellow, orange, red. */
@@ -39,34 +39,34 @@ const TINTS: [number, number, number][] = [
   [0.9, 0.15, 0.2],
 ];
 
-/** The colour of a level, each channel 0 to 1, as the shader mixes it. */
+/** The colour of a level as mixed by the shader, each channel 0 to 1. */
 export function levelTint(level: number, levels: number): number[] {
   const x = ((TINTS.length - 1) * level) / Math.max(levels - 1, 1);
   const low = Math.min(Math.floor(x), TINTS.length - 2);
   return TINTS[low].map((value, channel) => value + (TINTS[low + 1][channel] - value) * (x - low));
 }
 
-/** Of densities. */
+/** Decodings of density. */
 const DECODES: Partial<Record<Encoding["decode"], number>> = { raw_density: 0, sqrt_optical_depth: 1, opacity: 2 };
 const CLAMPS = { none: 0, zero: 1, sigmoid: 2 } as const;
 const ORDERS = { raw: 0, density: 1, opacity: 2 } as const;
 
-/** The shader's name of how a level's densities are decoded. */
+/** The shader's number for the decoding of a level's densities. */
 export function decodeNumber(decode: Encoding["decode"]): number {
   return DECODES[decode] ?? 0;
 }
 
-/** A number as shaders take it. */
+/** A number in shader syntax. */
 function floatText(value: number): string {
   const text = String(value);
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
-/** The languages of shaders. */
+/** Shader languages. */
 export type Language = "glsl" | "wgsl";
 const VECTORS = { glsl: { vec3: "vec3", ivec2: "ivec2", list: (count: number) => `vec3[${count}]` }, wgsl: { vec3: "vec3f", ivec2: "vec2i", list: (count: number) => `array<vec3f, ${count}>` } };
 
-/** What a field fixes at compile time. */
+/** The definitions that a field fixes at compile time. */
 export function defines(metadata: Metadata, { quads, directionalQuads, isPartial, texels }: Plan, network: Layer[], language: Language): Record<string, string | number> {
   const { vec3, ivec2, list } = VECTORS[language];
   const harmonics = harmonicsOf(metadata);
@@ -117,22 +117,22 @@ export function defines(metadata: Metadata, { quads, directionalQuads, isPartial
   };
 }
 
-/** What boxes around each other fix. */
+/** The definitions for nested boxes. */
 function nestedDefines(metadata: Metadata, ivec2: string): Record<string, string | number> {
   return { NESTED: "", BOXES: boxesOf(metadata).length, BOXES_BESIDE, MACRO_ROOM: `${ivec2}(${macroRoom(metadata).slice(1).join()})` };
 }
 
-/** The whole shader but its version, with the field's network. */
+/** The whole shader without its version line, including the field's network. */
 export function fragmentShader(opened: Opened): string {
   const { metadata, plan, network } = opened;
   const fixed = Object.entries(defines(metadata, plan, network, "glsl")).map(([name, value]) => `#define ${name} ${value}`);
   return unrolled([...fixed, field, networkSource(opened, "glsl"), ...(isNested(metadata) ? [nested] : []), rays, march].join("\n"), plan.quads);
 }
 
-/** Quadruples of which each is written out in what is done for all, since what is found by a number costs a processor much. */
+/** Up to this many quadruples, loops over quadruples are unrolled, because dynamic indexing is slow on CPUs. */
 const UNROLLED = 4;
 
-/** A shader in which lines that are done for each quadruple are written out for each, where those are few. */
+/** Unrolls the lines that repeat for each quadruple, if there are few quadruples. */
 export function unrolled(source: string, quads: number): string {
   if (quads > UNROLLED) return source;
   return source.replace(/^( *)for \(\w+ quad = 0; quad < QUADS; quad\+\+\) (.*;|\{.*; \})$/gm, (_, indent, body) => Array.from({ length: quads }, (_, quad) => indent + body.replace(/\bquad\b/g, String(quad))).join("\n"));

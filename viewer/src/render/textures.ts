@@ -1,4 +1,4 @@
-/** Which textures a field has on a device, and where in them its parts lie. */
+/** The textures of a field on a device, and the places of its parts in them. */
 
 import { blockCounts, type Metadata, type Triple } from "../format/metadata.js";
 import { levelOfPart, partsOf } from "../format/parts.js";
@@ -9,12 +9,12 @@ import type { Texel } from "../load/texels.js";
 import { packWeights, weighsByUniforms, WEIGHTS_WIDTH } from "./network.js";
 import type { DeviceTexture, Format, TextureDevice } from "./textureDevice.js";
 
-/** Names of samplers. That of weights is flat, all others are of volumes. */
+/** Names of samplers. The texture of weights is 2D, all others are 3D. */
 export const SAMPLERS = ["u_density", "u_color", "u_directional", "u_table", "u_skipDistances", "u_weights", "u_mask"] as const;
 
 export type Textures = Partial<Record<(typeof SAMPLERS)[number], DeviceTexture>>;
 
-/** Where the table of each level and shell starts along the field's x; behind them all, where they end. */
+/** Start of the table of each level and shell along the field's x, followed by the end of the last one. */
 export function tableStarts(metadata: Metadata, { finest }: Plan): number[] {
   let depth = 0;
   const starts = partsOf(metadata).map((part, number) => {
@@ -25,7 +25,7 @@ export function tableStarts(metadata: Metadata, { finest }: Plan): number[] {
   return [...starts, depth];
 }
 
-/** Where a box's macro cells start along the field's y and z. */
+/** Start of a box's macro cells along the field's y and z. */
 export function macroStart(metadata: Metadata, box: number): [number, number] {
   const [, y, z] = macroRoom(metadata);
   return [(box % BOXES_BESIDE) * y, Math.floor(box / BOXES_BESIDE) * z];
@@ -35,7 +35,7 @@ export function macroStart(metadata: Metadata, box: number): [number, number] {
 const ONE: Readonly<Record<Texel, Format>> = { codes: "r8unorm", halves: "r16float", floats: "r32float" };
 const FOUR: Readonly<Record<Texel, Format>> = { codes: "rgba8unorm", halves: "rgba16float", floats: "rgba32float" };
 
-/** Makes the textures of a field: storage alone, but for what does not depend on levels. */
+/** Allocates the textures of a field. Only those that do not depend on levels are filled. */
 export function allocate(device: TextureDevice, opened: Opened): Textures {
   const { metadata, plan, network, mask } = opened;
   const [x, y, z] = plan.slots.map((slots) => slots * plan.slot);

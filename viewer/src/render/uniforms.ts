@@ -1,4 +1,4 @@
-/** The shader's uniforms: what the field fixes, and what follows the camera. */
+/** The shader's uniforms: those fixed by the field, and those that follow the camera. */
 
 import { type Encoding, type Metadata, storedGroups } from "../format/metadata.js";
 import { boxesOf, extentOf, isNested, outerBounds, partsOf } from "../format/parts.js";
@@ -14,63 +14,65 @@ import { packWeights, weighsByUniforms } from "./network.js";
 import { decodeNumber, OUTPUT } from "./shader.js";
 import { tableStarts } from "./textures.js";
 
-/** By name; vectors, matrices and arrays of them as one list. */
+/** Values by name; vectors, matrices and arrays of them as flat lists. */
 export type Uniforms = Record<string, number | boolean | number[]>;
 
-/** Where a picture is taken. The world's and the camera's axes are right-handed, and a camera looks along -z. */
+/** The geometry of a picture. World and camera axes are right-handed; cameras look along -z. */
 export interface View {
-  /** The field's place, and the camera's. */
+  /** Transforms of the field and of the camera. */
   world: Matrix;
   camera: Matrix;
   projection: Matrix;
-  /** The picture's lower left corner in the target, its width and height. */
+  /** The lower left corner of the picture in the target, its width and height. */
   viewport: number[];
   /** Whether the target takes linear values. */
   isLinear: boolean;
-  /** Depth of the target by that of clip space: a factor and a shift. Without a shift, clip space is from 0 to 1. */
+  /**
+   * Factor and shift from depth in clip space to depth of the target. Without a shift, clip space ranges from 0 to 1.
+   */
   depth: [number, number];
-  /** Where depth is logarithmic, it is `factor * log2(shift + scale * distance)`; else all are 0. */
+  /** Logarithmic depth is `factor * log2(shift + scale * distance)`; all 0 for other depths. */
   logarithm: readonly [factor: number, shift: number, scale: number];
-  /** Whether the target's rows go downward. */
+  /** Whether the target's rows run downward. */
   isDownward?: boolean;
 }
 
-/** What of a field is shown. */
+/** What to show of a field. */
 export interface Shown {
   finest: number;
   fixedLevel: number | null;
   keepsRange: boolean;
-  /** Of `OUTPUT`. */
+  /** One of `OUTPUT`. */
   output?: number;
-  /** False marches as if nothing were known. */
+  /** False for a march without skipping. */
   skips?: boolean;
-  /** Half of a pixel of the picture, in those of the target. */
+  /** Half a pixel of the picture, in pixels of the target. */
   halfPixel?: number;
 }
 
-/** Where depth is not logarithmic. */
+/** For depths that are not logarithmic. */
 export const NO_LOGARITHM = [0, 0, 0] as const;
 
 const PLACE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-/** Before the first picture. */
+/** The view before the first picture. */
 export const NOWHERE: View = { world: PLACE, camera: PLACE, projection: PLACE, viewport: [0, 0, 1, 1], isLinear: false, depth: [0, 0], logarithm: NO_LOGARITHM };
 
-/** That of a distance and 1, up to that of the far plane, as WebGL's frameworks have it. */
+/** Logarithmic depth of a distance plus 1, up to the far plane, as in WebGL frameworks. */
 export function logarithmOf(far: number): [number, number, number] {
   return [1 / Math.log2(far + 1), 1, 1];
 }
 
-/** As far as a ray without a far plane goes. */
+/** The length of a ray without a far plane. */
 const BEYOND = 1e30;
 
-/** A corner of what rays are sampled in, as shares of the box of everything. */
+/** A corner of the sampled box, as fractions of the outermost box. */
 function sampledShare(metadata: Metadata, corner: "min" | "max"): number[] {
   const outer = outerBounds(metadata);
   const extent = extentOf(outer);
   return (metadata.march.sampled ?? outer)[corner].map((value, axis) => (value - outer.min[axis]) / extent[axis]);
 }
 
-/** Uniforms that stay as they are. */
+/** Uniforms that do not change. */
 export function fieldUniforms(opened: Opened): Uniforms {
   const { metadata, plan, network, mask } = opened;
   const { levels, march, activation, level_of_detail: rule, bounds } = metadata;
@@ -114,7 +116,7 @@ export function fieldUniforms(opened: Opened): Uniforms {
   return values;
 }
 
-/** What the texels of a part are decoded by, group by group. */
+/** Parameters for decoding the texels of a part, group by group. */
 function codesOf(metadata: Metadata, { texels }: Plan, part: number): number[] {
   const groups = storedGroups(metadata, part);
   return encodedKinds(metadata).flatMap((kind) => {
@@ -122,7 +124,7 @@ function codesOf(metadata: Metadata, { texels }: Plan, part: number): number[] {
   });
 }
 
-/** Of boxes around each other, what does not follow the camera. */
+/** Uniforms of nested boxes that do not follow the camera. */
 function nestedUniforms(metadata: Metadata): Uniforms {
   const outer = extentOf(outerBounds(metadata));
   const inner = extentOf(metadata.bounds);
@@ -132,12 +134,14 @@ function nestedUniforms(metadata: Metadata): Uniforms {
   };
 }
 
-/** A point as shares of a box. */
+/** A point as fractions of a box. */
 function sharesOf(point: readonly number[], box: Metadata["bounds"]): number[] {
   return extentOf(box).map((extent, axis) => (point[axis] - box.min[axis]) / extent);
 }
 
-/** Where a view's camera is in the field's axes, and what it sees: all, where rays are parallel. */
+/**
+ * The position of a view's camera in the field's axes, and its visible cone; with parallel rays, it sees everything.
+ */
 export function lookOf({ world, camera, projection }: View): Look {
   const toLocal = product(inverse(world), camera);
   const back = toLocal.slice(8, 11);
@@ -147,7 +151,7 @@ export function lookOf({ world, camera, projection }: View): Look {
   return { place: toLocal.slice(12, 15), forward: back.map((value) => -value / length), cosine };
 }
 
-/** Of depth in clip space, the far end, and the sign towards it. */
+/** The far end of depth in clip space, and the sign towards it. */
 function farEnd({ projection, depth }: View): { at: number; sign: 1 | -1 } {
   const grows = isParallel(projection) ? projection[10] < 0 : projection[14] < 0;
   return grows ? { at: 1, sign: 1 } : { at: depth[1] === 0 ? 0 : -1, sign: -1 };

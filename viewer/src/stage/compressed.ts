@@ -1,11 +1,13 @@
-/** What assets have compressed: decoders come when the first asset asks for them, and what has none is left out. */
+/**
+ * Compressed data in assets. Decoders are loaded when the first asset needs them; data without a decoder is left out.
+ */
 
 import { BufferAttribute, BufferGeometry, type Texture } from "three";
 import type { DRACOLoader } from "three/addons/loaders/DRACOLoader.js";
 import type { GLTFLoader, GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
 import { EXTENSION } from "../asset.js";
 
-/** Extensions that compress, and what decodes them. */
+/** Compression extensions and their decoders. */
 const DECODERS: Record<string, string> = {
   KHR_draco_mesh_compression: "Draco",
   EXT_meshopt_compression: "meshoptimizer",
@@ -13,7 +15,7 @@ const DECODERS: Record<string, string> = {
   KHR_texture_basisu: "Basis Universal (KTX2 textures)",
 };
 
-/** The parts of three.js's loaders of compressed things that its loader of glTF uses. */
+/** The parts of three.js's loaders of compressed data that its glTF loader uses. */
 const draco = {
   preload() {},
   decodeDracoFile(buffer: ArrayBuffer, then: (geometry: BufferGeometry) => void, ids: Record<string, number>, types: Record<string, string>, _space: string, failed: (error: unknown) => void) {
@@ -41,13 +43,13 @@ const meshopt = {
   },
 };
 
-/** What a loader of one asset has found compressed. */
+/** The compressed data that the loader of one asset has found. */
 export class Compressed {
-  /** What decodes those parts that were left out. */
+  /** Decoders of the parts that were left out. */
   readonly missing = new Set<string>();
   private parser: GLTFParser | null = null;
 
-  /** Gives decoders to a loader. Of an asset that has its meshes left out, fields come alone. */
+  /** Gives decoders to a loader. If the meshes of an asset are left out, only its fields are shown. */
   constructor(loader: GLTFLoader, withMeshes: boolean) {
     loader.setDRACOLoader(draco as unknown as DRACOLoader).setMeshoptDecoder(meshopt as never);
     loader.register((parser) => {
@@ -57,13 +59,13 @@ export class Compressed {
     });
   }
 
-  /** The decoders of all that the asset has compressed. */
+  /** The decoders that the asset needs. */
   get decoders(): string[] {
     const used: string[] = this.parser?.json.extensionsUsed ?? [];
     return [...new Set(used.flatMap((name) => DECODERS[name] ?? []))];
   }
 
-  /** In place of three.js's own plugin, for which an asset with such textures cannot be shown at all. */
+  /** Replaces three.js's own plugin, which cannot show an asset with such textures at all. */
   private textures(parser: GLTFParser): GLTFLoaderPlugin {
     const name = "KHR_texture_basisu";
     return {

@@ -1,4 +1,4 @@
-/** Decoders of what assets have compressed, in a script of its own: few need them. */
+/** Decoders of compressed data in assets, in their own script because few assets need them. */
 
 import makeDraco from "draco";
 import binary from "draco.wasm";
@@ -6,7 +6,7 @@ import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 
 export { MeshoptDecoder };
 
-/** Arrays of numbers by the names that three.js gives their types. */
+/** Typed arrays by the names that three.js uses. */
 const ARRAYS = { Float32Array, Int8Array, Int16Array, Int32Array, Uint8Array, Uint16Array, Uint32Array };
 
 /** The numbers of one attribute. */
@@ -15,7 +15,7 @@ export interface Attribute {
   itemSize: number;
 }
 
-/** A mesh or points that were compressed. */
+/** A decompressed mesh or point cloud. */
 export interface Decoded {
   index: Uint32Array | null;
   attributes: Record<string, Attribute>;
@@ -25,7 +25,7 @@ type Draco = Awaited<ReturnType<typeof makeDraco>>;
 
 let draco: Promise<Draco> | null = null;
 
-/** Decodes what Draco has compressed; attributes by their names have numbers, and types of their values. */
+/** Decodes Draco data. `ids` and `types` have the number and the value type of each attribute by name. */
 export async function decodeDraco(bytes: Uint8Array, ids: Record<string, number>, types: Record<string, string>): Promise<Decoded> {
   draco ??= makeDraco({ wasmBinary: binary });
   const module = await draco;
@@ -58,7 +58,7 @@ export async function decodeDraco(bytes: Uint8Array, ids: Record<string, number>
   }
 }
 
-/** What `read` makes of so many bytes that are free again afterwards. */
+/** The result of `read` on `size` allocated bytes, which are freed afterwards. */
 function copied<T>(module: Draco, size: number, read: (at: number, size: number) => T): T {
   const at = module._malloc(size);
   try {
@@ -68,7 +68,7 @@ function copied<T>(module: Draco, size: number, read: (at: number, size: number)
   }
 }
 
-/** Draco's number of a type. */
+/** The Draco constant of a type. */
 function dataType(module: Draco, name: string): number {
   const { DT_FLOAT32, DT_INT8, DT_INT16, DT_INT32, DT_UINT8, DT_UINT16, DT_UINT32 } = module;
   return { Float32Array: DT_FLOAT32, Int8Array: DT_INT8, Int16Array: DT_INT16, Int32Array: DT_INT32, Uint8Array: DT_UINT8, Uint16Array: DT_UINT16, Uint32Array: DT_UINT32 }[name]!;

@@ -1,4 +1,4 @@
-/** Spreads a small picture over all of a canvas. */
+/** Enlarges a small picture to the whole canvas. */
 
 const VERTEX = `#version 300 es
 out vec2 place;
@@ -23,8 +23,8 @@ void main() {
 `;
 
 /**
- * Draws instead of having the device copy and stretch, which software renderers do with one core and with code that takes long
- * to be made. Nothing is asked of the device, for which the page would wait.
+ * Draws the enlarged picture. The copy and stretch of the device would run on one core in software renderers, with code
+ * that is slow to compile. Nothing is read back, which would block the page.
  */
 export class Enlarger {
   private program: WebGLProgram | null = null;
@@ -37,7 +37,10 @@ export class Enlarger {
     ended.addEventListener("abort", () => gl.deleteProgram(this.program));
   }
 
-  /** Spreads the picture of `width` by `height` pixels in the canvas' lower left corner over all of it. The context's state changes. */
+  /**
+   * Enlarges the picture of `width` by `height` pixels in the lower left corner of the canvas. Changes the state of the
+   * context.
+   */
   spread(width: number, height: number, size: readonly [number, number]): void {
     const { gl } = this;
     gl.useProgram((this.program ??= this.build()));

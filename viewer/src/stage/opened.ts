@@ -1,4 +1,4 @@
-/** Containers and assets as objects of a scene. */
+/** Opens containers and assets as objects of a scene. */
 
 import { Box3, Group, HemisphereLight, Light, type Material, type Mesh, type Object3D, type SkinnedMesh, Texture, type Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
@@ -10,22 +10,25 @@ import { RadianceFieldExtension } from "../three/gltf.js";
 import type { Source } from "../load/source.js";
 import type { FieldOptions } from "../streamed.js";
 
-/** Bytes by which a file tells what it is. */
+/** Number of bytes that identify the kind of a file. */
 const FIRST = 64;
 
 export interface Opened {
   object: Object3D;
-  /** The fields in it. */
+  /** The fields in the file. */
   fields: RadianceField[];
   name: string;
-  /** What of the file is not shown, and why; null where all is. */
+  /** What the file contains but is not shown, and why; null if everything is shown. */
   lacks: FieldError | null;
 }
 
-/** How files are opened. */
+/** Options for opening files. */
 export type OpenOptions = Pick<FieldOptions, "maxBytes">;
 
-/** Opens an address; told apart by its ending where it has one of these, so that a container can come in parts, or else by its first bytes. */
+/**
+ * Opens an address. Its extension tells containers, which are then loaded in parts, from assets; other addresses are
+ * told apart by their first bytes.
+ */
 export async function openAddress(address: string, options: OpenOptions = {}): Promise<Opened> {
   const name = fileName(address);
   const ending = /\.(mipvog|glb|gltf)$/i.exec(name);
@@ -33,14 +36,14 @@ export async function openAddress(address: string, options: OpenOptions = {}): P
   return isOne ? openAsset(name, (loader) => loader.loadAsync(address), options) : openField(address, name, options);
 }
 
-/** Opens a file that was dropped or chosen; told apart by its first bytes. */
+/** Opens a file that was dropped or chosen. Its first bytes tell its kind. */
 export async function openFile(file: File, options: OpenOptions = {}): Promise<Opened> {
   const head = new Uint8Array(await file.slice(0, FIRST).arrayBuffer());
   if (isAsset(head)) return openAsset(file.name, (loader) => file.arrayBuffer().then((bytes) => loader.parseAsync(bytes, "")), options);
   return openField(file, file.name, options);
 }
 
-/** Some bytes that a file begins with; none where it cannot be had, which whoever opens it then says. */
+/** The first bytes of a file; none if it is unreachable, which opening it then reports. */
 async function firstBytes(address: string): Promise<Uint8Array> {
   const ending = new AbortController();
   try {
@@ -92,7 +95,7 @@ export async function openAsset(name: string, load: Load, options: OpenOptions =
 
 type Load = (loader: GLTFLoader) => Promise<{ scene: Group }>;
 
-/** An asset with something compressed that could not be had. */
+/** An asset with compressed data that could not be decoded. */
 class Undecoded {
   constructor(
     readonly error: unknown,
@@ -138,7 +141,7 @@ async function loadAsset(name: string, load: Load, withMeshes: boolean, options:
   return opened;
 }
 
-/** Fields need no light, but meshes beside them may; viewers bring it where an asset does not. */
+/** Adds light for meshes, if the asset has none. Fields need no light. */
 function lit(opened: Opened): Opened {
   let isLit = false;
   opened.object.traverse((object) => (isLit ||= object instanceof Light));
@@ -146,7 +149,7 @@ function lit(opened: Opened): Opened {
   return opened;
 }
 
-/** Where in the scene one stands to see a world from inside; null where what is shown is looked at from outside. */
+/** The position from which a world is viewed, in the scene; null for content that is viewed from outside. */
 export function standpoint({ fields }: Opened): Vector3 | null {
   const world = fields.find(({ isWorld }) => isWorld);
   if (!world) return null;
@@ -154,7 +157,7 @@ export function standpoint({ fields }: Opened): Vector3 | null {
   return world.standpoint.applyMatrix4(world.matrixWorld);
 }
 
-/** Where in the scene something is to be seen, as far as has come; of worlds the innermost box. */
+/** The visible box in the scene, as far as loaded; for worlds, the innermost box. */
 export function visibleBox({ object }: Opened): Box3 {
   const box = new Box3();
   object.updateWorldMatrix(true, true);
@@ -165,7 +168,7 @@ export function visibleBox({ object }: Opened): Box3 {
   return box;
 }
 
-/** Frees what the device holds of a file that is shown no more. */
+/** Frees the device memory of a file that is no longer shown. */
 export function release({ object }: Opened): void {
   object.traverse((part) => {
     if (part instanceof RadianceField) {

@@ -1,29 +1,32 @@
 /**
- * Pictures in draws that are all short. While something moves, whole pictures of fewer pixels, which are enlarged; at
- * rest, a finer one of those, and the full one in strips from the middle on, over what was there. The canvas keeps its size, because browsers wait for the device
- * where it gets another one.
+ * Draws pictures in short draws. During movement, whole pictures of fewer pixels are drawn and enlarged. At rest, a
+ * finer one follows, then the full picture in strips from the middle outward, over the previous picture. The canvas
+ * keeps its size, because browsers wait for the device when it changes.
  */
 
 import { type Object3D, type PerspectiveCamera, type Scene, Vector2, type WebGLRenderer } from "three";
 import { whenDone } from "../render/fence.js";
 import { Enlarger } from "./enlarger.js";
 
-/** A picture of what moves may take this long, in milliseconds. */
+/** Time limit of a picture during movement, in milliseconds. */
 const SMOOTH_MS = 40;
-/** A part of what rests may take this long: longer, because browsers compose all of the page after each. */
+/** Time limit of a part of a still picture. It is longer, because browsers composite the whole page after each part. */
 const PART_MS = 100;
-/** Pixels along a side of what moves, of those of the screen, at least. */
+/** Minimum share of the pixels along each side during movement. */
 const COARSEST = 1 / 32;
-/** At rest, a coarser picture than this share gets one as fine as that before the full one, or as fine as is drawn in this time. */
+/**
+ * At rest, if the picture is coarser than this share, one of this share precedes the full picture, or as fine as this
+ * time allows.
+ */
 const [BETWEEN, BETWEEN_MS] = [1 / 4, 400];
-/** Without a move for this long, pictures are sharp again. */
+/** Without movement for this long, in milliseconds, pictures become sharp. */
 const REST_MS = 200;
 /** Rows and columns of the smallest part of a picture. */
 const CELL = 32;
-/** A draw may have so many times the pixels of the one before. */
+/** Maximum factor between the pixels of one draw and the next. */
 const GROWTH = 4;
 
-/** Two objects, left and right of a line; `at` is its place, 0 to 1. */
+/** Two objects, left and right of a line; `at` is the position of the line, 0 to 1. */
 export interface Split {
   left: Object3D;
   right: Object3D;
@@ -31,29 +34,32 @@ export interface Split {
 }
 
 export class Painter {
-  /** The time that the last whole picture took, in milliseconds; null before. */
+  /** Time of the last whole picture in milliseconds; null before the first. */
   frameTime: number | null = null;
   /** Called after each whole picture, coarse or full. */
   drawn: () => void = () => {};
   split: Split | null = null;
   private size: [number, number] = [1, 1];
-  /** Of the last picture, pixels along a side as a share of those of the screen. */
+  /** Pixels along a side of the last picture, as a share of those of the screen. */
   sharpness = 1;
   private moved = -Infinity;
   private isStale = true;
-  /** Whether the next picture has to show something at once. */
+  /** Whether the next picture must appear immediately. */
   private isFresh = true;
-  /** Whether the device has not done yet what it was told. */
+  /** Whether the device is still working. */
   isBusy = false;
   private waits = false;
-  /** The rows of the full picture that are there, and columns of the next ones above or below; null where it is whole. */
+  /**
+   * The finished rows of the full picture, and the finished columns of the next rows above or below; null if the
+   * picture is complete.
+   */
   private cursor: { top: number; bottom: number; column: number } | null = null;
-  /** Whether the picture between a coarse and the full one was drawn. */
+  /** Whether the picture between the coarse and the full one was drawn. */
   private isBetween = false;
   private spent = 0;
-  /** When the last draw began. */
+  /** Start time of the last draw. */
   private began = 0;
-  /** Pixels a millisecond of the last whole picture, and of the last draw. */
+  /** Pixels per millisecond of the last whole picture, and of the last draw. */
   private wholeRate: number | null = null;
   private rate: number | null = null;
   private readonly enlarger: Enlarger;
@@ -62,38 +68,40 @@ export class Painter {
     private readonly renderer: WebGLRenderer,
     private readonly scene: Scene,
     private readonly camera: PerspectiveCamera,
-    /** After it nothing is drawn. */
+    /** Nothing is drawn after this signal. */
     private readonly ended: AbortSignal,
   ) {
     renderer.setPixelRatio(1);
     this.enlarger = new Enlarger(renderer.getContext() as WebGL2RenderingContext, ended);
   }
 
-  /** Whether the picture shows all there is, in full. */
+  /** Whether the picture is complete and shows everything loaded. */
   get settled(): boolean {
     return !this.isStale && !this.isBusy && this.cursor === null && this.sharpness === 1;
   }
 
-  /** Draws again. `fresh` shows a coarse picture before the full one. */
+  /** Redraws. `fresh` shows a coarse picture before the full one. */
   redraw(fresh = false): void {
     this.isStale = true;
     this.isFresh ||= fresh;
   }
 
-  /** Draws again because the camera moved. */
+  /** Redraws because the camera moved. */
   move(): void {
     this.moved = performance.now();
     this.isStale = true;
   }
 
-  /** The canvas has another size, in pixels of the screen. */
+  /** Changes the size of the canvas, in screen pixels. */
   resize(width: number, height: number): void {
     if (width === this.size[0] && height === this.size[1]) return;
     this.size = [width, height];
     this.redraw(true);
   }
 
-  /** Draws what is due; to be called every frame. Nothing is drawn in full that is about to change: where content `waits`. */
+  /**
+   * Draws what is due; call it every frame. If content `waits`, no full picture is drawn, because it would change soon.
+   */
   draw(waits: boolean): void {
     this.waits = waits;
     if (this.isBusy || this.renderer.getContext().isContextLost()) return;
@@ -105,7 +113,7 @@ export class Painter {
     else if (this.cursor && !isMoving) this.drawPart(this.cursor);
   }
 
-  /** Draws a whole picture that takes about so long, of a share of the pixels along a side at most. */
+  /** Draws a whole picture that takes about the given time, with at most a share of the pixels along each side. */
   private drawCoarse(time: number, most = 1): void {
     [this.isStale, this.isFresh, this.cursor, this.isBetween] = [false, false, null, time !== SMOOTH_MS];
     const [width, height] = this.size;
@@ -134,7 +142,7 @@ export class Painter {
     this.drawPart(this.cursor);
   }
 
-  /** Draws as many cells, below or above what is there, as may be. */
+  /** Draws as many cells as the time allows, below or above the finished ones. */
   private drawPart({ top, bottom, column: x }: { top: number; bottom: number; column: number }): void {
     const [width, height] = this.size;
     // Rows of background say nothing about those of the field, but the whole picture has both.
@@ -158,7 +166,7 @@ export class Painter {
     });
   }
 
-  /** Draws a part, whose rows count from the top, of a picture of a size. */
+  /** Draws a part of a picture of the given size. Rows count from the top. */
   private paint([x, y, width, height]: number[], [whole, rows]: number[]): void {
     this.began = performance.now();
     const { split } = this;
@@ -179,7 +187,7 @@ export class Painter {
     this.renderer.setScissorTest(false);
   }
 
-  /** Calls back when the device has drawn this many pixels, with the time that it took. */
+  /** Calls back with the elapsed time when the device has drawn this many pixels. */
   private whenDone(drawn: number, then: (time: number) => void): void {
     this.isBusy = true;
     whenDone(this.renderer.getContext() as WebGL2RenderingContext, () => {

@@ -1,17 +1,17 @@
-/** Where a camera stands and may go in a world, which is seen from inside. */
+/** Where a camera stands and may move in a world, which is viewed from inside. */
 
 import { Box3, type PerspectiveCamera, type Scene, Vector3, type WebGLRenderer } from "three";
 import type { RadianceField } from "../three/field.js";
 
-/** What is turned around is this part of the innermost box away where nothing else is known. */
+/** Distance of the orbit target as a share of the innermost box, if nothing else is known. */
 const REACH = 0.25;
 
 export class Room {
   /** Half the diagonal of the innermost box. */
   readonly radius: number;
-  /** What a camera at the standpoint looks at: the horizon, over the middle of the box. */
+  /** The target of a camera at the standpoint: on the horizon, above the centre of the box. */
   readonly target: Vector3;
-  /** The innermost box, and as much around it. */
+  /** The innermost box, and as much space around it. */
   private readonly walls: Box3;
 
   constructor(
@@ -26,7 +26,7 @@ export class Room {
     this.target = standpoint.clone().addScaledVector(ahead.normalize(), REACH * Math.min(size.x, size.y, size.z));
   }
 
-  /** Brings a camera that has left back to the walls, with what it turns around; whether it had. */
+  /** Moves a camera that has left back to the walls, together with its target. Returns whether it had left. */
   keep(position: Vector3, target: Vector3): boolean {
     if (this.walls.containsPoint(position)) return false;
     const back = this.walls.clampPoint(position, new Vector3()).sub(position);
@@ -36,7 +36,7 @@ export class Room {
   }
 }
 
-/** The distance of what fields show in the middle of a camera's picture; null where that is nothing. */
+/** The distance of the surface in the middle of a camera's picture; null if there is none. */
 export function distanceSeen(scene: Scene, renderer: WebGLRenderer, camera: PerspectiveCamera): number | null {
   camera.updateMatrixWorld();
   let reach: number | null = null;

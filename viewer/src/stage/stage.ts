@@ -1,4 +1,4 @@
-/** The canvas: camera, controls, and drawing when something has changed. */
+/** The canvas: camera, controls, and drawing on changes. */
 
 import { Box3, type Color, type Mesh, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -11,20 +11,20 @@ import { distanceSeen, Room } from "./room.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
 import { Walk, type Way } from "./walk.js";
 
-/** The field of view along the shorter side, in degrees; the program's turntables have as much. */
+/** The field of view along the shorter side in degrees, as in the program's turntables. */
 export const USUAL_FOV = 40;
-/** Of the picture, what the subject fills along the tighter side. */
+/** Share of the picture that the subject fills along the tighter side. */
 const FILLED = 0.9;
-/** Rays along the longer side of a picture that are counted. */
+/** Number of counted rays along the longer side of a picture. */
 const COUNTED_RAYS = 64;
-/** Radians that a key turns, and what it zooms by. */
+/** Turn in radians and zoom factor per key press. */
 const [TURN, ZOOM] = [Math.PI / 24, 1.15];
-/** Of a move that goes on after the hand, what is left after a frame. */
+/** Share of a movement that remains after each frame once the user lets go. */
 const DAMPING = 0.15;
-/** A flight to another place takes so many milliseconds. */
+/** Duration of a flight to another position, in milliseconds. */
 const FLIGHT_MS = 400;
 
-/** Without smoothing of its own, and with what was drawn before. */
+/** Without antialiasing, and with the drawing buffer preserved. */
 const CONTEXT = { alpha: true, antialias: false, preserveDrawingBuffer: true };
 
 export class Stage {
@@ -37,20 +37,20 @@ export class Stage {
   private readonly calm = matchMedia("(prefers-reduced-motion: reduce)");
   private readonly observer = new ResizeObserver(() => this.resize());
   private angle = USUAL_FOV;
-  /** Where the camera may be in a world; null around what is looked at from outside. */
+  /** Where the camera may be in a world; null for content viewed from outside. */
   private room: Room | null = null;
-  /** The distance of what is turned around, while the camera moves otherwise. */
+  /** Distance of the orbit target, while the camera moves in other ways. */
   private reach = 1;
-  /** Where a flight goes, from where and when it began. */
+  /** Start, target and start time of a flight. */
   private flight: { from: Vector3; to: Vector3; aside: Vector3; start: number } | null = null;
   private before = performance.now();
-  /** Called after each frame, drawn or not; and when all is drawn. */
+  /** Called after each frame, drawn or not; and when everything is drawn. */
   framed: () => void = () => {};
   rested: () => void = () => {};
   private wasSettled = true;
-  /** Limits of the distance from what is looked at, in world units, and of the camera's elevation over it, in degrees; null for the usual ones. */
+  /** Limits of the distance from the target in world units, and of the elevation in degrees; null for the defaults. */
   private chosen: { distance: [number, number] | null; elevation: [number, number] | null } = { distance: null, elevation: null };
-  /** Ends everything that the stage has begun on its canvas. */
+  /** Ends everything that the stage started on its canvas. */
   private readonly ending = new AbortController();
 
   constructor(private readonly canvas: HTMLCanvasElement) {
@@ -76,7 +76,7 @@ export class Stage {
     this.renderer.setAnimationLoop(() => this.frame());
   }
 
-  /** Draws again as soon as may be; `fresh` shows something coarse at once. */
+  /** Redraws as soon as possible. `fresh` shows a coarse picture immediately. */
   redraw(fresh = false): void {
     this.painter.redraw(fresh);
   }
@@ -101,7 +101,7 @@ export class Stage {
     [controls.minPolarAngle, controls.maxPolarAngle] = elevation ? [1, 0].map((end) => ((90 - elevation[end]) * Math.PI) / 180) : [0, Math.PI];
   }
 
-  /** Where a place of the scene is on the canvas, in pixels of the page; null behind the camera. */
+  /** The position of a scene point on the canvas, in CSS pixels; null behind the camera. */
   project(place: Vector3): [number, number] | null {
     this.camera.updateMatrixWorld();
     if (place.clone().applyMatrix4(this.camera.matrixWorldInverse).z >= 0) return null;
@@ -109,12 +109,12 @@ export class Stage {
     return [((x + 1) / 2) * this.canvas.clientWidth, ((1 - y) / 2) * this.canvas.clientHeight];
   }
 
-  /** Whether the picture shows all there is. */
+  /** Whether the picture is complete and shows everything loaded. */
   get settled(): boolean {
     return this.painter.settled && this.flight === null;
   }
 
-  /** Degrees along the shorter side. */
+  /** Field of view in degrees along the shorter side. */
   get fov(): number {
     return this.angle;
   }
@@ -125,7 +125,7 @@ export class Stage {
     this.painter.move();
   }
 
-  /** Null moves around what is looked at. */
+  /** The way to move; null orbits the target. */
   get way(): Way | null {
     return this.walk.way;
   }
@@ -146,12 +146,12 @@ export class Stage {
     this.controls.update();
   }
 
-  /** What lies ahead of the camera, as far away as what is turned around. */
+  /** The point ahead of the camera, at the distance of the orbit target. */
   private ahead(): Vector3 {
     return new Vector3(0, 0, -this.reach).applyQuaternion(this.camera.quaternion).add(this.camera.position);
   }
 
-  /** Makes the shaders and the textures of an object that will be shown, and the device's code, without holding the page up. */
+  /** Compiles the shaders and uploads the textures of an object before it is shown, without blocking the page. */
   async prepare(object: Object3D): Promise<void> {
     // Whoever asks a device waits for its pictures, too: better before there are any. It can make textures while it compiles.
     this.upload(object);
@@ -182,13 +182,13 @@ export class Stage {
     return programs;
   }
 
-  /** Null shows what lies under the canvas. */
+  /** Sets the background; null shows the page below the canvas. */
   setBackground(color: Color | null): void {
     this.scene.background = color;
     this.redraw();
   }
 
-  /** Shows a box: from inside, where one stands, or else from 30 degrees above, all of it in the picture. */
+  /** Shows a whole box: from inside at the standpoint, if there is one, else from 30 degrees above. */
   show(box: Box3, standpoint: Vector3 | null): void {
     if (standpoint && !box.isEmpty()) this.enter(new Room(box, standpoint));
     else this.lookAt(box);
@@ -211,12 +211,12 @@ export class Stage {
     this.redraw(true);
   }
 
-  /** The way to move that one starts with: worlds are moved through. */
+  /** The initial way to move; in worlds, the camera moves freely. */
   private get home(): Way | null {
     return this.room ? "fly" : null;
   }
 
-  /** Looks at a box from 30 degrees above, all of it in the picture. */
+  /** Looks at a whole box from 30 degrees above. */
   lookAt(box: Box3): void {
     this.room = null;
     if (box.isEmpty()) box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1));
@@ -252,7 +252,7 @@ export class Stage {
     return { position: this.camera.position.clone(), target: this.way ? this.ahead() : this.controls.target.clone(), fov: this.angle };
   }
 
-  /** Goes somewhere at once. */
+  /** Jumps to a viewpoint. */
   set viewpoint({ position, target, fov }: Viewpoint) {
     this.setWay(null);
     this.flight = null;
@@ -264,7 +264,7 @@ export class Stage {
     this.painter.move();
   }
 
-  /** Starts over. */
+  /** Returns to the start. */
   reset(): void {
     this.setWay(null);
     this.flight = null;
@@ -272,7 +272,7 @@ export class Stage {
     if (this.home) this.setWay(this.home);
   }
 
-  /** Turns around the picture's point at these pixels of the canvas from now on; false where nothing is there. */
+  /** Makes the point shown at these canvas pixels the orbit target. Returns false if nothing is shown there. */
   focus(field: RadianceField, x: number, y: number): boolean {
     const point = field.pick(this.renderer, this.camera, x / this.canvas.clientWidth, y / this.canvas.clientHeight);
     if (!point) return false;
@@ -282,7 +282,7 @@ export class Stage {
     return true;
   }
 
-  /** Turns the camera around what it looks at, by radians to the right and up. */
+  /** Orbits the camera around its target, by radians to the right and up. */
   orbit(right: number, up: number): void {
     const { target } = this.controls;
     const place = new Spherical().setFromVector3(this.camera.position.clone().sub(target));
@@ -293,8 +293,8 @@ export class Stage {
   }
 
   /**
-   * The pixels, rows from the top, of a picture from a camera of `toWorld` (column by column) and a focal length in
-   * pixels. The stage is as before afterwards.
+   * Renders a picture, rows from the top, from a camera with the transform `toWorld` (column-major) and a focal length
+   * in pixels. The stage is unchanged afterwards.
    */
   capture(width: number, height: number, toWorld: number[], focal: number): Uint8ClampedArray {
     const size = this.renderer.getSize(new Vector2());
@@ -317,7 +317,7 @@ export class Stage {
     return pixels;
   }
 
-  /** Counts what the picture takes, from a few of its rays. */
+  /** Counts the work of the picture from a few of its rays. */
   count(field: RadianceField, skips: boolean): Statistics {
     const [wide, high] = this.pixels();
     const scale = Math.min(1, COUNTED_RAYS / Math.max(wide, high));
@@ -335,7 +335,7 @@ export class Stage {
     this.renderer.forceContextLoss();
   }
 
-  /** Pixels of the full picture. */
+  /** Size of the full picture in pixels. */
   private pixels(): [number, number] {
     const ratio = Math.min(devicePixelRatio, 2);
     return [Math.max(1, Math.round(this.canvas.clientWidth * ratio)), Math.max(1, Math.round(this.canvas.clientHeight * ratio))];
@@ -373,7 +373,10 @@ export class Stage {
     this.wasSettled = isSettled;
   }
 
-  /** Brings decoded blocks of all fields in an object to the device, a few milliseconds of them; whether more are there or on their way from the decoders. */
+  /**
+   * Uploads decoded blocks of all fields in an object, for a few milliseconds. Returns whether more are waiting or
+   * being decoded.
+   */
   private upload(object: Object3D): boolean {
     let waits = false;
     if (this.renderer.getContext().isContextLost()) return waits;

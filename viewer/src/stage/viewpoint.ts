@@ -1,9 +1,9 @@
-/** Places to look from: as text for an address, and from camera files. */
+/** Viewpoints: as text for an address, and from camera files. */
 
 import { Matrix4, Vector3 } from "three";
 import { FieldError, REMEDY } from "../errors.js";
 
-/** In world units; `fov` is degrees along the picture's shorter side, null keeps what is set. */
+/** Positions in world units. `fov` is in degrees along the picture's shorter side; null keeps the current one. */
 export interface Viewpoint {
   position: Vector3;
   target: Vector3;
@@ -13,20 +13,20 @@ export interface Viewpoint {
 /** A viewpoint of a camera file. */
 export interface Preset {
   name: string;
-  /** The camera's matrix in the field's axes. */
+  /** The camera's transform in the field's axes. */
   toField: Matrix4;
   fov: number | null;
 }
 
-/** Fields of view that make sense, in degrees. */
+/** Range of sensible fields of view, in degrees. */
 export const FOVS = { least: 10, most: 120 } as const;
 
-/** Seven numbers with commas between: position, target, field of view. */
+/** Seven numbers with commas: position, target, field of view. */
 export function viewpointText({ position, target, fov }: Viewpoint): string {
   return [...position.toArray(), ...target.toArray(), ...(fov === null ? [] : [fov])].map((value) => Number(value.toPrecision(6))).join();
 }
 
-/** Null where the text is no viewpoint. */
+/** Parses a viewpoint; null if the text is not one. */
 export function readViewpoint(text: string): Viewpoint | null {
   const values = text.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
   if (![6, 7].includes(values.length) || !values.every(Number.isFinite)) return null;
@@ -36,7 +36,10 @@ export function readViewpoint(text: string): Viewpoint | null {
   return { position, target, fov };
 }
 
-/** Cameras of a file as NeRF-synthetic scenes have it: `camera_angle_x`, and `transform_matrix` of each of `frames`. */
+/**
+ * Reads the cameras of a file in NeRF-synthetic format: `camera_angle_x`, and the `transform_matrix` of each of its
+ * `frames`.
+ */
 export function readPresets(text: string, file: string): Preset[] {
   const no = (what: string) => new FieldError(`${file} is no camera file: ${what}.`, REMEDY.foreign);
   let content: unknown;
@@ -57,7 +60,10 @@ export function readPresets(text: string, file: string): Preset[] {
   });
 }
 
-/** Where a preset is in the world of a field at `world`; it looks at what is nearest to `center`, and `least` away. */
+/**
+ * The viewpoint of a preset in the world of a field at `world`. Its target is the point of its axis nearest to
+ * `center`, at least `least` away.
+ */
 export function presetViewpoint({ toField, fov }: Preset, world: Matrix4, center: Vector3, least = 1e-6): Viewpoint {
   const toWorld = new Matrix4().multiplyMatrices(world, toField);
   const position = new Vector3().setFromMatrixPosition(toWorld);

@@ -2,20 +2,20 @@
 
 import { Euler, type PerspectiveCamera, Vector3 } from "three";
 
-/** Where a key goes: right, up, back. */
+/** Direction of each key: right, up, back. */
 const WAYS: Record<string, [number, number, number]> = { KeyW: [0, 0, -1], KeyS: [0, 0, 1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0] };
-/** Radians that a drag over the canvas's height looks aside. */
+/** Angle in radians of a drag across the height of the canvas. */
 const LOOK = 1.5;
-/** What a turn of the wheel makes of the speed. */
+/** Factor on the speed per step of the wheel. */
 const FASTER = 1.1;
 
-/** `walk` keeps its height, `fly` goes where it looks. */
+/** `walk` keeps the height; `fly` follows the viewing direction. */
 export type Way = "fly" | "walk";
 
 export class Walk {
-  /** Null leaves the camera alone. */
+  /** Null does not move the camera. */
   way: Way | null = null;
-  /** World units a second. */
+  /** Speed in world units per second. */
   speed = 1;
   private readonly held = new Set<string>();
   private drag: number | null = null;
@@ -53,7 +53,7 @@ export class Walk {
     });
   }
 
-  /** Goes on for so many seconds. */
+  /** Moves on for this many seconds. */
   step(seconds: number): void {
     if (!this.way || this.held.size === 0) return;
     const by = new Vector3();

@@ -35,45 +35,47 @@ import { FieldMaterial, type Draw } from "./material.js";
 import { type AnyRenderer, attachments, deviceOf, isWebGL } from "./view.js";
 import { gpuDrawing } from "./drawing.js";
 
-/** What `RadianceField` tells, beside what all objects of three.js tell. */
+/** Events of `RadianceField`, in addition to those of all three.js objects. */
 export interface RadianceFieldEventMap extends Object3DEventMap, FieldEvents {}
 
-/** A range that three.js does not draw. It does draw one of no length, for which textures have to fit, too. */
+/** A draw range that three.js skips. It does not skip a range of length 0, which would need matching textures too. */
 const NOTHING = [0, -1] as const;
 
 /**
- * Marches rays through a baked field, in the box that the field spans. Its local axes are those of training, z up:
- * a node of a scene whose y is up turns it by a quarter about x.
+ * Marches rays through a baked field, inside its box. Local axes are those of training, z up: in a scene with y up,
+ * rotate the object by a quarter turn about x.
  */
 export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, RadianceFieldEventMap> {
   readonly isRadianceField = true;
-  /** Resolves once the metadata is there; rejects where it cannot be. */
+  /** Resolves when the metadata is available; rejects if it cannot be loaded. */
   readonly opened: Promise<Metadata>;
-  /** Resolves once every level is there. */
+  /** Resolves when every level is loaded. */
   readonly finished: Promise<void>;
-  /** Whether colours tell levels. */
+  /** Whether colours show levels. */
   showLevels = false;
   /** The level to show, 0 being the finest; null follows the field's rule. */
   fixedLevel: number | null = null;
-  /** Whether rays keep to the near and far of the training cameras, as the reference renderer does: to measure pictures. */
+  /**
+   * Whether rays respect the near and far of the training cameras, as in the reference renderer, to measure pictures.
+   */
   keepsRange = false;
   private readonly streamed: StreamedField;
   private readonly owner: Owner = {
     begin: (opened) => this.begin(opened),
     tell: (type, event) => this.dispatchEvent({ type, ...event } as never),
   };
-  /** What drew the field last: rays are cast with it. */
+  /** The renderer that drew the field last; raycasts use it. */
   private renderer: AnyRenderer | null = null;
-  /** Why it was not drawn; each reason is told once. */
+  /** Reasons for not drawing that were already reported; each is reported once. */
   private readonly told = new Set<string>();
-  /** What is drawn in place of a picture; null for pictures. */
+  /** The output to draw instead of a picture; null for pictures. */
   private sampled: Partial<Shown> | null = null;
-  /** The field alone in a scene, for what is drawn in place of pictures. */
+  /** A scene with only the field, for outputs other than pictures. */
   private alone: { scene: Scene; mesh: Mesh } | null = null;
 
   /**
-   * Loads `source`, the address of a container or its bytes; another field shares what it has loaded, and what the device
-   * holds. Draws as soon as the coarsest levels are there.
+   * Loads `source`, the address of a container or its bytes. Given another field, shares its loaded data and its device
+   * memory. The field is drawn as soon as the coarsest levels are loaded.
    */
   constructor(source: Source | RadianceField, options?: FieldOptions) {
     super(new BoxGeometry(), new ShaderMaterial());
@@ -84,12 +86,12 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.streamed.join(this.owner);
   }
 
-  /** Another object of the same field, which is loaded and held once. */
+  /** Another object of the same field, which is loaded and stored only once. */
   override clone(recursive = true): this {
     return new RadianceField(this).copy(this, recursive) as this;
   }
 
-  /** Takes over everything but the field itself. */
+  /** Copies everything except the field itself. */
   override copy(source: this, recursive?: boolean): this {
     const { geometry, material } = this;
     super.copy(source, recursive);
@@ -99,75 +101,77 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return this;
   }
 
-  /** Bytes that have arrived. */
+  /** Number of bytes received. */
   get arrived(): number {
     return this.streamed.arrived;
   }
 
-  /** What is in the file; null until it is opened. */
+  /** Contents of the file; null until it is opened. */
   get metadata(): Metadata | null {
     return this.streamed.file?.metadata ?? null;
   }
 
-  /** How the file came and what of it the device holds; null until it is opened. */
+  /** How the file was transferred and what the device holds of it; null until it is opened. */
   get file(): Pick<Opened, "fileBytes" | "available" | "prefixes" | "transfer" | "plan"> | null {
     return this.streamed.file;
   }
 
   /**
-   * Brings decoded blocks to the device, for a few milliseconds; every draw does this as well. Whether the picture has
-   * changed.
+   * Uploads decoded blocks to the device, for a few milliseconds; every draw does this too. Returns whether the picture
+   * has changed.
    */
   upload(renderer: AnyRenderer): boolean {
     const device = deviceOf(renderer);
     return device !== null && this.streamed.upload(device);
   }
 
-  /** What the field takes of the device's memory, and what of its blocks has room; null until it is opened. */
+  /** Device memory of the field, and how many of its blocks fit; null until it is opened. */
   get budget(): Budget | null {
     return this.streamed.budget;
   }
 
-  /** The finest level that is shown; null before the first picture. */
+  /** The finest level shown; null before the first picture. */
   get finest(): number | null {
     return this.streamed.finest;
   }
 
-  /** Whether levels have come that the next pictures will bring to the device. */
+  /** Whether loaded levels wait for upload with the next pictures. */
   get waiting(): boolean {
     return this.streamed.waiting;
   }
 
-  /** Whether a level's bytes are there and are being decoded. */
+  /** Whether the bytes of a level are being decoded. */
   get decoding(): boolean {
     return this.streamed.decoding;
   }
 
-  /** The part of the box, in local axes, where something is to be seen; all of it before the first level. Of a world the innermost box. */
+  /**
+   * The visible part of the box in local axes; the whole box before the first level. For a world, the innermost box.
+   */
   get visibleBounds(): Box3 {
     const [min, max] = this.streamed.visible;
     return new Box3(new Vector3(...min), new Vector3(...max));
   }
 
-  /** The box of everything in local axes. */
+  /** The box of the whole field in local axes. */
   get bounds(): Box3 {
     const { min, max } = this.metadata ? outerBounds(this.metadata) : { min: [0, 0, 0], max: [0, 0, 0] };
     return new Box3(new Vector3(...min), new Vector3(...max));
   }
 
-  /** Whether the field is a world: seen from inside, with boxes around that of its finest level. */
+  /** Whether the field is a world: viewed from inside, with boxes around that of its finest level. */
   get isWorld(): boolean {
     return this.metadata !== null && isNested(this.metadata);
   }
 
-  /** In local axes, where one may stand in a world: the middle of its free space; that of the innermost box before it is known. */
+  /**
+   * A viewing position in a world, in local axes: the centre of its free space, or of the innermost box until known.
+   */
   get standpoint(): Vector3 {
     return new Vector3(...this.streamed.standpoint);
   }
 
-  /**
-   * The field is not drawn any more. With the last object that shares it, loading ends and the device's memory is free.
-   */
+  /** Stops drawing the field. With the last object that shares it, loading ends and the device memory is freed. */
   dispose(): void {
     this.streamed.leave(this.owner);
     this.visible = false;
@@ -185,12 +189,12 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     else if ((camera as ArrayCamera).isArrayCamera) this.refuse("With WebGPU, a field is not drawn for a camera of several views.", REMEDY.views);
   };
 
-  /** No other pass draws the box in the field's place: that of shadows, or one with a material of its own. */
+  /** Keeps other passes from drawing the box, such as shadows or override materials. */
   override onAfterRender = (): void => {
     this.geometry.setDrawRange(...NOTHING);
   };
 
-  /** Hits what pictures show, as `pick` does; nothing before the first picture. */
+  /** Intersects what pictures show, as `pick` does. Hits nothing before the first picture. */
   override raycast({ ray, near, far }: Raycaster, intersects: Intersection[]): void {
     const { renderer } = this;
     const box = (this.isWorld ? this.bounds : this.visibleBounds).applyMatrix4(this.matrixWorld);
@@ -202,27 +206,27 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /**
-   * Counts what a picture of `rows` rows takes, from `width` by `height` rays of it. Without `skips` as a dense march
-   * would: every sample between entry and exit, with its colours.
+   * Counts the work of a picture with `rows` rows, using `width` by `height` of its rays. Without `skips`, counts a
+   * dense march: every sample between entry and exit, with its colours.
    */
   statistics(renderer: WebGLRenderer, camera: Camera, width: number, height: number, rows: number, skips = true): Statistics {
     return statisticsOf(this.sample(renderer, camera, width, height, counted(height, rows, skips)));
   }
 
-  /** As `statistics`, with renderers for WebGPU, too. */
+  /** As `statistics`, also for WebGPU renderers. */
   async statisticsAsync(renderer: AnyRenderer, camera: Camera, width: number, height: number, rows: number, skips = true): Promise<Statistics> {
     return statisticsOf(await this.sampleAsync(renderer, camera, width, height, counted(height, rows, skips)));
   }
 
   /**
-   * The world's point that a picture shows at `x`, `y`, shares of its width and height from the top left; null where the
-   * field is next to invisible.
+   * The world position that a picture shows at `x`, `y`, fractions of its width and height from the top left. Null if
+   * the field is nearly transparent there.
    */
   pick(renderer: WebGLRenderer, camera: Camera, x: number, y: number): Vector3 | null {
     return this.pointOf(renderer, camera.matrixWorld, pickedProjection(camera.projectionMatrix.elements, x, y));
   }
 
-  /** As `pick`, with renderers for WebGPU, too. */
+  /** As `pick`, also for WebGPU renderers. */
   async pickAsync(renderer: AnyRenderer, camera: Camera, x: number, y: number): Promise<Vector3 | null> {
     if (!isWebGL(renderer)) gpuDrawing()?.ready(renderer, camera);
     const projection = pickedProjection(camera.projectionMatrix.elements, x, y);
@@ -230,14 +234,14 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return pointAt(await this.sampleAsync(renderer, onePixel(place, projection, camera), 1, 1, { output: OUTPUT.distance }), place, projection);
   }
 
-  /** The world's point that a camera at `place` sees in its one pixel. */
+  /** The world position that a camera at `place` sees in its one pixel. */
   private pointOf(renderer: WebGLRenderer, place: Matrix4, projection: readonly number[]): Vector3 | null {
     return pointAt(this.sample(renderer, onePixel(place, projection), 1, 1, { output: OUTPUT.distance }), place, projection);
   }
 
   /**
-   * Draws a pixel that nobody sees, from the middle of the box, with all that a draw may need. Devices make code in the first
-   * draw that needs it, and what is on the screen would wait for that.
+   * Draws an invisible pixel from the centre of the box, with everything that a draw may need. Devices compile code in
+   * the first draw that needs it, which would delay the visible picture.
    */
   warm(renderer: AnyRenderer): void {
     if (!this.metadata || !deviceOf(renderer)) return;
@@ -252,7 +256,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     target.dispose();
   }
 
-  /** Four numbers a pixel of one kind of output. */
+  /** One kind of output, four numbers per pixel. */
   private sample(renderer: WebGLRenderer, camera: Camera, width: number, height: number, shown: Partial<Shown>): Float32Array {
     if (!isWebGL(renderer)) throw new FieldError("Renderers for WebGPU answer later, not at once.", REMEDY.later);
     const target = new WebGLRenderTarget(width, height, { type: FloatType });
@@ -284,7 +288,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.material.blending = NormalBlending;
   }
 
-  /** Draws the field alone into an empty target. */
+  /** Draws only the field into an empty target. */
   private drawInto(target: WebGLRenderTarget, any: AnyRenderer, camera: Camera, shown: Partial<Shown>): void {
     // What is used of it here, renderers for WebGPU have as well.
     const renderer = any as WebGLRenderer;
@@ -307,7 +311,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.geometry.setDrawRange(...NOTHING);
   }
 
-  /** Builds what does not depend on levels. */
+  /** Builds everything that does not depend on levels. */
   private begin(opened: Opened): void {
     const { min, max } = outerBounds(opened.metadata);
     const size = min.map((min, axis) => max[axis] - min);
@@ -320,8 +324,8 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 
   /**
-   * Before every draw: levels that wait go to the device, uniforms follow the camera. `object` is this one, or a plain mesh
-   * that somebody has given its material and geometry. Null where nothing is drawn.
+   * Runs before every draw: uploads waiting levels and updates uniforms from the camera. `object` is this field, or a
+   * mesh with its material and geometry. Null if nothing is drawn.
    */
   private prepare(renderer: AnyRenderer, { geometry }: Mesh, view: () => View): Draw | null {
     geometry.setDrawRange(...NOTHING);
@@ -344,7 +348,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     return { textures: held.textures, uniforms: viewUniforms(file.metadata, seen, { finest, fixedLevel, keepsRange, ...shown }) };
   }
 
-  /** Tells once why the field is not drawn: an error would end the whole scene's picture. */
+  /** Reports once why the field is not drawn: an exception would end the picture of the whole scene. */
   private refuse(message: string, remedy: string): void {
     if (this.told.has(message)) return;
     this.told.add(message);
@@ -352,7 +356,7 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
     this.dispatchEvent({ type: "failed", error: new FieldError(message, remedy) });
   }
 
-  /** Says once what does not keep the field from being drawn. */
+  /** Warns once of something that does not prevent drawing. */
   private warn(message: string): void {
     if (this.told.has(message)) return;
     this.told.add(message);
@@ -360,15 +364,15 @@ export class RadianceField extends Mesh<BufferGeometry, ShaderMaterial, Radiance
   }
 }
 
-/** What is said where renderers for WebGPU were not prepared. */
+/** The message for WebGPU renderers that were not prepared. */
 const REFUSED = ["A WebGPURenderer draws fields only where mipvog-viewer/webgpu is imported.", REMEDY.webgpu] as const;
 
-/** What is shown where the work of a picture is counted. */
+/** What to show while the work of a picture is counted. */
 function counted(height: number, rows: number, skips: boolean): Partial<Shown> {
   return { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows };
 }
 
-/** A camera of one pixel. It keeps the convention of `like`, so that no renderer makes a projection of its own. */
+/** A camera of one pixel. It has the conventions of `like`, so that no renderer replaces its projection. */
 function onePixel(place: Matrix4, projection: readonly number[], like?: Camera): Camera {
   const one = new PerspectiveCamera();
   one.matrixWorldAutoUpdate = one.matrixAutoUpdate = false;
@@ -384,7 +388,7 @@ function pointAt(pixel: Float32Array, place: Matrix4, projection: readonly numbe
   return point && new Vector3(...point);
 }
 
-/** A scene of a mesh that will be drawn in a field's place. */
+/** A scene with a mesh to draw instead of a field. */
 function aloneOf(field: RadianceField): { scene: Scene; mesh: Mesh } {
   const mesh = new Mesh<BufferGeometry, ShaderMaterial>(field.geometry, field.material);
   mesh.matrixWorldAutoUpdate = mesh.matrixAutoUpdate = mesh.frustumCulled = false;
@@ -393,7 +397,7 @@ function aloneOf(field: RadianceField): { scene: Scene; mesh: Mesh } {
   return { scene: scene.add(mesh) as Scene, mesh };
 }
 
-/** @ts-ignore where react-three-fiber is not installed, nothing is said of it. */
+/** @ts-ignore if react-three-fiber is not installed */
 declare module "@react-three/fiber" {
   interface ThreeElements {
     /** @ts-ignore as above; after `extend({ RadianceField })` */

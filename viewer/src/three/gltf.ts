@@ -1,4 +1,4 @@
-/** `MIPVOG_radiance_field` for three.js's GLTFLoader: nodes that show a field instead of their mesh. */
+/** `MIPVOG_radiance_field` for three.js's GLTFLoader: nodes show a field instead of their mesh. */
 
 import { type FileLoader, LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
@@ -8,22 +8,25 @@ import type { FieldOptions } from "../streamed.js";
 import { RadianceField } from "./field.js";
 
 /**
- * Registers with `loader.register((parser) => new RadianceFieldExtension(parser))`. A field's node holds a
- * `RadianceField`, which goes on loading after the scene is there; a field that cannot be opened leaves the
- * node's own mesh (nothing, where it has none), with the error as `userData.radianceFieldError`.
+ * Register it with `loader.register((parser) => new RadianceFieldExtension(parser))`. The node of a field holds a
+ * `RadianceField`, which continues to load after the scene is ready. If a field cannot be opened, the node shows its
+ * own mesh, if any, and `userData.radianceFieldError` has the error.
  */
 export class RadianceFieldExtension implements GLTFLoaderPlugin {
   readonly name = EXTENSION;
   private readonly fields: RadianceField[] = [];
   private isDisposed = false;
 
-  /** Fields may take `maxBytes` of textures each. */
+  /** `maxBytes` limits the textures of each field. */
   constructor(
     private readonly parser: GLTFParser,
     private readonly options: Pick<FieldOptions, "maxBytes"> = {},
   ) {}
 
-  /** Gives up the fields of an asset that could not be loaded, which nobody else can reach; those that were to come, too. */
+  /**
+   * Disposes of the fields of an asset that failed to load, which are otherwise unreachable, including those still to
+   * come.
+   */
   dispose(): void {
     this.isDisposed = true;
     this.fields.forEach((field) => field.dispose());
@@ -56,14 +59,14 @@ export class RadianceFieldExtension implements GLTFLoaderPlugin {
     }
   }
 
-  /** Where the container of a field is. */
+  /** The address or the bytes of a container. */
   private async source(reference: FieldReference): Promise<string | ArrayBuffer> {
     const place = placeOf(this.parser.json, reference);
     if ("bufferView" in place) return this.parser.getDependency("bufferView", place.bufferView) as Promise<ArrayBuffer>;
     return LoaderUtils.resolveURL(place.uri, this.parser.options.path);
   }
 
-  /** Containers are asked for as the loader asks for buffers. */
+  /** Options with which containers are requested like buffers of the loader. */
   private request(): FieldOptions {
     const { requestHeader, withCredentials } = this.parser.fileLoader as FileLoader;
     return { ...this.options, manager: this.parser.options.manager, headers: requestHeader, ...(withCredentials && { credentials: "include" as const }) };

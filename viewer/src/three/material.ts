@@ -1,4 +1,4 @@
-/** What a mesh is drawn with that shows a field. */
+/** The material of meshes that show a field. */
 
 import { BackSide, type BufferGeometry, type Camera, Data3DTexture, GLSL3, type Mesh, type Object3D, RawShaderMaterial, type Scene, Texture, type WebGLRenderer } from "three";
 import type { Opened } from "../load/loader.js";
@@ -8,25 +8,25 @@ import type { Uniforms, View } from "../render/uniforms.js";
 import { gpuDrawing } from "./drawing.js";
 import { type AnyRenderer, viewOf } from "./view.js";
 
-/** What one draw takes. */
+/** The data for one draw. */
 export interface Draw {
   textures: Textures;
-  /** Those that follow the camera. */
+  /** Uniforms that follow the camera. */
   uniforms: Uniforms;
 }
 
-/** Asked before every draw; null where nothing is drawn. */
+/** Called before every draw; null if nothing is drawn. */
 export type Prepare = (renderer: AnyRenderer, object: Mesh, view: () => View) => Draw | null;
 
-/** Whoever gets the material and the geometry of a field draws that field. */
+/** The material of a field. Any mesh with this material and the geometry of the field draws the field. */
 export class FieldMaterial extends RawShaderMaterial {
-  /** Renderers for WebGPU know by it which material of theirs to take. */
+  /** WebGPU renderers map this type to their own material. */
   override readonly type = "MipvogFieldMaterial";
 
-  /** Of what it is drawn into, with WebGPU. */
+  /** Properties of the render target, with WebGPU. */
   variant = "";
 
-  /** `values` are all uniforms, as they are before the first picture. */
+  /** `values` are all uniforms, as before the first picture. */
   constructor(
     readonly opened: Opened,
     readonly values: Uniforms,
@@ -57,7 +57,7 @@ export class FieldMaterial extends RawShaderMaterial {
     this.uniformsNeedUpdate = true;
   }
 
-  /** Renderers for WebGPU share what they build by it. */
+  /** Key by which WebGPU renderers share what they build. */
   override customProgramCacheKey(): string {
     return gpuDrawing() ? `MIPVOG ${numberOf(this.opened)} ${this.variant}` : super.customProgramCacheKey();
   }
@@ -67,7 +67,7 @@ export class FieldMaterial extends RawShaderMaterial {
   }
 }
 
-/** three.js asks once which uniforms there are. */
+/** Uniforms for three.js, which reads their list once. */
 function glUniforms(values: Uniforms): RawShaderMaterial["uniforms"] {
   const samplers = SAMPLERS.map((name) => [name, { value: name === "u_weights" ? new Texture() : new Data3DTexture() }]);
   return Object.fromEntries([...samplers, ...Object.entries(values).map(([name, value]) => [name, { value }])]);

@@ -1,4 +1,4 @@
-/** Fields in three.js's WebGPURenderer: a material of nodes around one function in WGSL. */
+/** Fields in three.js's WebGPURenderer: a node material around one WGSL function. */
 
 import { type ArrayCamera, Data3DTexture, DataTexture, FloatType, type Mesh, NearestFilter, type PerspectiveCamera, type RenderTarget, REVISION, RGBAFormat, RGBAIntegerFormat, type Texture, UnsignedIntType, Vector4 } from "three";
 import { type Node, NodeMaterial, TSL, type NodeBuilder, type NodeFrame, type Renderer, type WebGPURenderer } from "three/webgpu";
@@ -12,17 +12,17 @@ import type { GpuDrawing } from "./drawing.js";
 import type { FieldMaterial } from "./material.js";
 import { attachments, type GpuRenderer } from "./view.js";
 
-/** The oldest release of three.js whose nodes do what is asked of them here. */
+/** The oldest release of three.js whose nodes support this. */
 const LEAST_RELEASE = 187;
 const LIST = "mipvogUniforms";
 
 type Name = (typeof SAMPLERS)[number];
 
-/** What texels are as three.js names them. */
+/** Texel formats by their three.js names. */
 const KINDS = { plain: { type: FloatType, format: RGBAFormat }, whole: { type: UnsignedIntType, format: RGBAIntegerFormat } } as const;
 const KIND_OF: Record<Name, keyof typeof KINDS> = { u_density: "plain", u_color: "plain", u_directional: "plain", u_table: "whole", u_skipDistances: "whole", u_weights: "plain", u_mask: "plain" };
 
-/** A texture that a device has, or one of one texel. */
+/** A texture of a device, or one of a single texel. */
 function textureOf(name: Name, handle: GPUTexture | null): Texture {
   const { type, format } = KINDS[KIND_OF[name]];
   const texel = handle ? null : { [FloatType]: new Float32Array(4), [UnsignedIntType]: new Uint32Array(4) }[type];
@@ -34,7 +34,7 @@ function textureOf(name: Name, handle: GPUTexture | null): Texture {
   return texture;
 }
 
-/** What stands in place of textures that are not there yet, for every field. */
+/** Placeholders for textures that are not loaded yet, shared by all fields. */
 const standIns = new Map<Name, Texture>();
 
 function standIn(name: Name): Texture {
@@ -43,7 +43,7 @@ function standIn(name: Name): Texture {
   return texture;
 }
 
-/** What devices have: every object of a field draws from the same. */
+/** Wrapped device textures: all objects of a field draw from the same ones. */
 const wrapped = new WeakMap<DeviceTexture, Texture>();
 
 function wrap(name: Name, made: DeviceTexture): Texture {
@@ -56,7 +56,7 @@ function wrap(name: Name, made: DeviceTexture): Texture {
   return texture;
 }
 
-/** What a renderer makes of a `FieldMaterial`, whose properties it gets. */
+/** The node material that a renderer makes from a `FieldMaterial`, with its properties. */
 class FieldNodes extends NodeMaterial {
   declare opened: FieldMaterial["opened"];
   declare values: FieldMaterial["values"];
@@ -95,12 +95,12 @@ class FieldNodes extends NodeMaterial {
     super.setup(builder);
   }
 
-  /** Colours are premultiplied already. */
+  /** Colours are already premultiplied. */
   override setupOutput(_builder: NodeBuilder, output: never): never {
     return output;
   }
 
-  /** As with WebGL, planes do not clip it. */
+  /** Clipping planes do not apply, as with WebGL. */
   override setupClipping(): never {
     return null as never;
   }
@@ -109,13 +109,13 @@ class FieldNodes extends NodeMaterial {
     (builder as NodeBuilder & { hardwareClipping: boolean }).hardwareClipping = false;
   }
 
-  /** What is drawn depends on more than three.js looks at: on the camera, and on levels that came. */
+  /** The picture depends on more than three.js observes: on the camera, and on loaded levels. */
   override setupObserver(builder: NodeBuilder): ReturnType<NodeMaterial["setupObserver"]> {
     return Object.assign(super.setupObserver(builder), { hasNode: true });
   }
 }
 
-/** Where a renderer takes its picture. */
+/** The view of a renderer's picture. */
 function viewOf({ renderer, camera, object }: NodeFrame): View {
   const [{ getRenderTarget }, { near, far }] = [renderer!, camera as PerspectiveCamera];
   const target = getRenderTarget.call(renderer);

@@ -1,4 +1,4 @@
-/** What of three.js's renderers and cameras a field has to know. */
+/** The parts of three.js's renderers and cameras that a field needs. */
 
 import { type Camera, LinearSRGBColorSpace, type PerspectiveCamera, SRGBColorSpace, Vector4, type WebGLRenderer, type WebGLRenderTarget } from "three";
 import { glDevice } from "../render/glDevice.js";
@@ -6,7 +6,7 @@ import { gpuDevice } from "../render/gpuDevice.js";
 import type { TextureDevice } from "../render/textureDevice.js";
 import { logarithmOf, NO_LOGARITHM, type View } from "../render/uniforms.js";
 
-/** A renderer for WebGPU, as far as those know it who do not import it. */
+/** A WebGPU renderer, for modules that do not import it. */
 export interface GpuRenderer {
   readonly isWebGPURenderer: true;
 }
@@ -18,21 +18,21 @@ export function isWebGL(renderer: AnyRenderer): renderer is WebGLRenderer {
   return (renderer as { isWebGPURenderer?: boolean }).isWebGPURenderer !== true && "properties" in renderer;
 }
 
-/** What holds textures for a renderer; null before it has started. */
+/** The texture device of a renderer; null before it has started. */
 export function deviceOf(renderer: AnyRenderer): TextureDevice | null {
   if (isWebGL(renderer)) return glDevice(renderer.getContext() as WebGL2RenderingContext);
   const { device } = (renderer as { backend?: { device?: GPUDevice | null } }).backend ?? {};
   return device ? gpuDevice(device) : null;
 }
 
-/** How many colours of a pixel a target has. */
+/** Number of colour attachments of a target. */
 export function attachments(target: object | null): number {
   // Named otherwise before release 162.
   const { textures, texture } = (target ?? {}) as { textures?: unknown[]; texture?: unknown };
   return textures?.length ?? (Array.isArray(texture) ? texture.length : 1);
 }
 
-/** The values that what a renderer draws into takes. */
+/** The color space of the render target. */
 function colorSpaceOf(renderer: WebGLRenderer): string {
   const target = renderer.getRenderTarget() as (WebGLRenderTarget & { isXRRenderTarget?: boolean }) | null;
   if (!target) return renderer.outputColorSpace;
@@ -40,7 +40,7 @@ function colorSpaceOf(renderer: WebGLRenderer): string {
   return target.isXRRenderTarget ? target.texture.colorSpace : LinearSRGBColorSpace;
 }
 
-/** Where a renderer takes its picture. */
+/** The view of a renderer's picture. */
 export function viewOf(camera: Camera, world: number[], renderer: WebGLRenderer): View {
   // An eye of a headset has a part of the picture.
   const { viewport: own, far } = camera as PerspectiveCamera & { viewport?: Vector4 };

@@ -1,6 +1,6 @@
 /**
- * How atlases are coded. A coding turns the bytes of an atlas chunk into codes, an unsigned integer
- * for each node; what codes mean is in `values.ts`. A new coding is a file here and a line of the table.
+ * The codings of atlases. A coding turns the bytes of an atlas chunk into codes, one unsigned integer per node;
+ * `values.ts` decodes the codes. A new coding is a file here and a line in the table.
  */
 
 import { GROUPS } from "../generated.js";
@@ -9,5 +9,5 @@ import { runCoding } from "./runs.js";
 
 export type { Atlas, Codes, Coding } from "./atlas.js";
 
-/** Codings by the chunk type that uses them: so far there is one. */
+/** Codings by chunk type; so far, there is only one. */
 export const CODINGS: Readonly<Record<string, Coding>> = Object.fromEntries(GROUPS.map(({ kind }) => [kind, runCoding]));

@@ -4,25 +4,26 @@ import { blockCounts, type Encoding, type LevelMetadata, type Triple } from "../
 import type { Codes } from "./atlas.js";
 import { values } from "./values.js";
 
-/** One group of colours of a level, every block with a frame. */
+/** One group of colours of a level, with a frame for every block that has one. */
 export interface Colors {
   level: LevelMetadata;
-  /** Frame of each block, -1 of those without. */
+  /** Frame of each block, or -1. */
   frames: Int32Array;
   encoding: Encoding;
   codes: Codes;
   channels: number;
 }
 
-/** Nodes of an axis between two of the coarser level's: the lower one, and the share of the upper one. */
+/** Nodes of an axis between two nodes of the coarser level: the lower node, and the weight of the upper one. */
 interface Between {
   low: number[];
   share: number[];
 }
 
 /**
- * Codes of every block in `places`, from those of the blocks that are stored, in order. `inherited` says which blocks are not;
- * they get the `coarser` level's colours at their nodes, interpolated along z, then y, then x, and the nearest code.
+ * Codes of every block in `places`, from those of the stored blocks, in order. `inherited` marks the blocks without
+ * codes of their own. They get the `coarser` level's colours at their nodes, interpolated along z, then y, then x, as
+ * the nearest codes.
  */
 export function inherit(
   { level, encoding, channels, name }: { level: LevelMetadata; encoding: Encoding; channels: number; name: string },
@@ -67,7 +68,7 @@ function inheritBlock(level: LevelMetadata, place: Triple, coarser: Colors, valu
   }
 }
 
-/** Where the nodes of an axis from `start` on, at most `count`, lie in the coarser level. */
+/** Positions in the coarser level of up to `count` nodes of an axis, from `start` on. */
 function between(nodes: number, coarser: number, start: number, count: number): Between {
   const out: Between = { low: [], share: [] };
   for (let node = start; node < Math.min(nodes, start + count); node++) {
@@ -96,7 +97,7 @@ function reader({ level, frames, encoding, codes, channels }: Colors, name: stri
   };
 }
 
-/** How many borders are not above the value: the code whose value is nearest. */
+/** The code whose value is nearest: the number of borders that are not above the value. */
 function nearest(borders: number[], value: number): number {
   let [low, high] = [0, borders.length];
   while (low < high) {

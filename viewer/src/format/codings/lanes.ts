@@ -1,28 +1,28 @@
-/** The only door to `wasm/restore.ts`, which restores codes of one byte in vectors of WebAssembly. */
+/** The only interface to `wasm/restore.ts`, which restores one-byte codes with WebAssembly vectors. */
 
 import module from "../../../build/restore.wasm";
 import { instance, places, VECTOR } from "../modules.js";
 
-/** Blocks that are restored at once. */
+/** Number of blocks restored at once. */
 const LANES = 8;
-/** Vectors of the scratch memory for each node. */
+/** Scratch vectors per node. */
 const VECTORS = 8;
 
-/** A run as `runs.ts` reads it. */
+/** A run as read by `runs.ts`. */
 export interface Run {
   frames: number;
   channels: number;
   edge: number;
-  /** Nodes of all frames that have a residual. */
+  /** Number of nodes with a residual, over all frames. */
   live: number;
   residuals: Uint8Array;
-  /** Of each frame the number of its first residual. */
+  /** Index of the first residual of each frame. */
   starts: Int32Array;
-  /** The mode of each frame. */
+  /** Mode of each frame. */
   modes: Uint8Array;
-  /** Five weights of each mode and channel. */
+  /** Five weights per mode and channel. */
   weights: Int8Array[][];
-  /** Which nodes have a residual, whole bytes a frame. */
+  /** Bit mask of nodes with a residual, whole bytes per frame. */
   bits: Uint8Array;
 }
 
@@ -33,12 +33,12 @@ interface Module {
 
 let lanes: Module | null = null;
 
-/** Makes restoring fast where the page and the device allow it; without this, it is as right. */
+/** Makes restoring fast if the page and the device allow WebAssembly; otherwise, the result is the same. */
 export async function prepareLanes(): Promise<void> {
   lanes = await instance<Module>(module);
 }
 
-/** Writes all codes of a run; false where WebAssembly may not be used. */
+/** Writes all codes of a run. Returns false if WebAssembly is not allowed. */
 export function restoreLanes({ frames, channels, edge, live, residuals, starts, modes, weights, bits }: Run, codes: Uint8Array): boolean {
   if (!lanes) return false;
   const size = channels * edge ** 3;

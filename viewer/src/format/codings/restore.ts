@@ -1,42 +1,44 @@
 /**
- * The codes of one block and channel from its residuals: the rule of section 5 of `formats/mipvog.md`.
+ * Restores the codes of one block and channel from its residuals, by the rule in section 5 of `formats/mipvog.md`.
  *
- * `restore` takes whole numbers of 32 bits, and so codes of one or two bytes. It has one loop for each number of lower
- * neighbours, and no branch for nodes without a residual: their correction is masked away. `restoreWide` is the plain form
- * for any width, in doubles. Both write from `start` on.
+ * `restore` computes with 32-bit integers, for codes of one or two bytes. It has one loop for each number of lower
+ * neighbours, and masks away the correction of nodes without a residual instead of branching. `restoreWide` is the
+ * plain form for any width, in doubles. Both write from `start` on.
  */
 
-/** What all channels of a block share. */
+/** Data that all channels of a block share. */
 export interface Block {
-  /** Nodes along an edge. */
+  /** Nodes along each edge. */
   edge: number;
   /** The mean of the first node. */
   origin: number;
-  /** The largest code of the width. */
+  /** The largest code of this width. */
   most: number;
-  /** For each node -1 where it has a residual, else 0. */
+  /** -1 for each node with a residual, else 0. */
   mask: Int32Array;
-  /** For each node the number of its residual among those of the block; 0 where it has none. */
+  /** Index of each node's residual among those of the block; 0 without a residual. */
   rank: Int32Array;
 }
 
 /** Codes of one or two bytes. */
 export type Narrow = Uint8Array | Uint16Array;
 
-/** Residuals with bias, of which those of a block and channel start at `first`. */
+/** Biased residuals; those of a block and channel start at `first`. */
 export interface Residuals {
   values: Narrow;
   first: number;
   bias: number;
 }
 
-/** Five weights, and differences of code and mean of the three channels before; missing channels have weight 0. */
+/**
+ * Five weights, and the differences of code and mean of the three previous channels. Missing channels have weight 0.
+ */
 export interface Prediction {
   weights: Int8Array;
   before: readonly [Int32Array, Int32Array, Int32Array];
 }
 
-/** Writes codes from `start` on, and into `own` their differences from their means. */
+/** Writes codes from `start` on, and their differences from the mean into `own`. */
 export function restore(
   { edge: side, origin, most: largest, mask, rank }: Block,
   { values, first: base, bias: zero }: Residuals,
@@ -109,7 +111,7 @@ export function restore(
   }
 }
 
-/** The same in doubles, which hold the sums of codes of up to 4 bytes. */
+/** As `restore`, in doubles, which can hold sums of codes of up to 4 bytes. */
 export function restoreWide(
   { edge, origin, most, mask, rank }: Block,
   { values, first, bias }: { values: Uint8Array | Uint16Array | Float64Array; first: number; bias: number },

@@ -7,10 +7,10 @@ import { restoreLanes } from "./lanes.js";
 import { restore, restoreWide } from "./restore.js";
 
 const STORED = 0x80000000;
-/** Channels before one that its predictions look at. */
+/** Number of previous channels that predictions use. */
 const BEFORE = 3;
 
-/** Bytes of a code, the mean of a block's first node, the largest code, and what residuals are stored above. */
+/** By width: bytes per code, the mean of a block's first node, the largest code, and the bias of residuals. */
 const WIDTHS = {
   u8: { bytes: 1, origin: 0, most: 0xff, bias: 0x80 },
   u16: { bytes: 2, origin: 0, most: 0xffff, bias: 0x8080 },
@@ -36,7 +36,7 @@ function decode(atlas: Atlas, chunk: Uint8Array, from: number, to: number): { fi
   return { first, codes };
 }
 
-/** The other runs are empty, so that the frames keep their numbers. */
+/** Keeps the runs of the requested frames and empties the others, so that frame numbers do not change. */
 function share(atlas: Atlas, chunk: Uint8Array, from: number, to: number): Uint8Array {
   const { runs } = runsOf(atlas, chunk);
   const isWanted = ({ frame, frames }: StoredRun) => frame < to && from < frame + frames;
@@ -58,19 +58,19 @@ function share(atlas: Atlas, chunk: Uint8Array, from: number, to: number): Uint8
 
 interface StoredRun {
   bytes: Uint8Array;
-  /** The first of its frames. */
+  /** Index of the first frame. */
   frame: number;
   frames: number;
   stored: boolean;
 }
 
-/** The runs of a chunk, in order, and the frames of each but the last. */
+/** The runs of a chunk, in order, and the number of frames in each but the last. */
 interface Runs {
   full: number;
   runs: StoredRun[];
 }
 
-/** What was found in chunks that are decoded part by part. */
+/** Runs of chunks that are decoded part by part. */
 const known = new WeakMap<Uint8Array, Runs>();
 
 function runsOf(atlas: Atlas, chunk: Uint8Array): Runs {
@@ -106,12 +106,12 @@ function inflateRun(atlas: Atlas, frames: number, bytes: Uint8Array): Uint8Array
   return inflate(bytes, size, atlas.name);
 }
 
-/** Weights of a channel's predictions. */
+/** Number of weights of a channel's predictions. */
 function terms(channel: number): number {
   return 2 + Math.min(channel, BEFORE);
 }
 
-/** The codes of a run: frame by frame, channel by channel. */
+/** Decodes a run: frame by frame, channel by channel. */
 function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes): void {
   const { channels, edge } = atlas;
   const { bytes: width, origin, most, bias } = WIDTHS[atlas.encoding.number];
@@ -172,10 +172,10 @@ function decodeRun(atlas: Atlas, run: Uint8Array, frames: number, codes: Codes):
   }
 }
 
-/** Set bits of each byte. */
+/** Number of set bits of each byte. */
 const ONES = Uint8Array.from({ length: 256 }, (_, byte) => byte.toString(2).replaceAll("0", "").length);
 
-/** Which nodes of a block have a residual, of bits from byte `at` on. */
+/** Finds the nodes of a block with a residual, from bits that start at byte `at`. */
 function findResiduals(bits: Uint8Array, at: number, { mask, rank }: { mask: Int32Array; rank: Int32Array }): void {
   let count = 0;
   for (let node = 0; node < mask.length; node++) {
@@ -186,7 +186,7 @@ function findResiduals(bits: Uint8Array, at: number, { mask, rank }: { mask: Int
   }
 }
 
-/** Residuals of two bytes each, whose bytes lie apart in each channel. */
+/** Two-byte residuals, whose bytes are stored apart in each channel. */
 function pairs(bytes: Uint8Array, live: number, channels: number): Uint16Array {
   const out = new Uint16Array(live * channels);
   for (let channel = 0; channel < channels; channel++) {
@@ -195,7 +195,7 @@ function pairs(bytes: Uint8Array, live: number, channels: number): Uint16Array {
   return out;
 }
 
-/** The same of four bytes. */
+/** Four-byte residuals, stored as in `pairs`. */
 function fours(bytes: Uint8Array, live: number, channels: number): Float64Array {
   const out = new Float64Array(live * channels);
   for (let channel = 0; channel < channels; channel++) {
@@ -206,7 +206,7 @@ function fours(bytes: Uint8Array, live: number, channels: number): Float64Array 
   return out;
 }
 
-/** Codes within the bits that the metadata states; floats that are numbers. */
+/** Checks that integer codes fit the bits in the metadata, and that floats are numbers. */
 function check(atlas: Atlas, codes: Codes): void {
   const { number, bits } = atlas.encoding;
   const wrong = (code: number) => new FieldError(`${atlas.name} holds the code ${code}, which ${number} of ${bits} bits cannot be.`);

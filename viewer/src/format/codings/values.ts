@@ -9,10 +9,7 @@ const float32 = new Float32Array(bits32.buffer);
 /** The value of a code. */
 export type Value = (code: number) => number;
 
-/**
- * Values of codes after `map`, which is applied to every code once where there are few, and to every node
- * where there are many.
- */
+/** Values of codes after `map`. For narrow codes, `map` is applied once per code; for wide ones, at every node. */
 export function values(encoding: Encoding, name: string, map: Value): Value {
   if (encoding.number === "f32") {
     return (code) => {
@@ -25,7 +22,7 @@ export function values(encoding: Encoding, name: string, map: Value): Value {
   return (code) => table[code];
 }
 
-/** Values of integer codes and halves after `map`, by code; null for 32-bit floats, which have too many codes. */
+/** Values of integer codes and half floats after `map`, by code. Null for 32-bit floats, which have too many codes. */
 export function valueTable(encoding: Encoding, name: string, map: Value): Float64Array | null {
   if (encoding.number === "f32") return null;
   return encoding.number === "f16" ? halfTable(map) : integerTable(encoding, name, map);
@@ -54,14 +51,14 @@ function halfTable(map: Value): Float64Array {
   });
 }
 
-/** The number that binary16 bits are. */
+/** The number represented by binary16 bits. */
 function halfValue(bits: number): number {
   const [exponent, fraction] = [(bits >> 10) & 31, bits & 1023];
   const size = exponent === 0 ? fraction * 2 ** -24 : (1024 + fraction) * 2 ** (exponent - 25);
   return bits & 0x8000 ? -size : size;
 }
 
-/** The binary16 bits nearest to a number, halves to even; beyond its range its largest. */
+/** The binary16 bits nearest to a number, ties to even; beyond the range, the largest finite number. */
 export function toHalf(value: number): number {
   float32[0] = Math.max(-65504, Math.min(65504, value));
   const bits = bits32[0];

@@ -1,12 +1,12 @@
 /**
- * The step that WGSL lacks: lines are kept or left out by conditions, and names of what is defined stand for their values.
+ * The preprocessor that WGSL lacks: conditions keep or drop lines, and names are replaced by their definitions.
  *
- * Lines of `#if`, `#ifdef NAME`, `#ifndef NAME`, `#elif`, `#else` and `#endif` mean what they do in GLSL. A condition joins
- * `defined(NAME)`, `!defined(NAME)` and `NAME == NUMBER` by `&&`, and those by `||`.
+ * `#if`, `#ifdef NAME`, `#ifndef NAME`, `#elif`, `#else` and `#endif` have the same meaning as in GLSL. A condition
+ * joins `defined(NAME)`, `!defined(NAME)` and `NAME == NUMBER` with `&&`, and these with `||`.
  */
 export function applyConditions(source: string, defined: Record<string, string | number>): string {
   const kept: string[] = [];
-  /** Of each condition around a line, whether its lines are kept, and whether some branch was. */
+  /** For each enclosing condition, whether its lines are kept, and whether any branch was. */
   const around: { keeps: boolean; had: boolean }[] = [];
   for (const line of source.split("\n")) {
     const [, directive, condition = ""] = /^\s*#(\w+)\s*(.*)$/.exec(line) ?? [];
@@ -42,7 +42,7 @@ function holdsOne(condition: string, defined: Record<string, string | number>): 
   return String(defined[other]) === number;
 }
 
-/** Names of capital letters stand for what is defined by them; comments stay. */
+/** Replaces defined names, which consist of capital letters. Comments are kept. */
 function withValues(line: string, defined: Record<string, string | number>): string {
   if (line.trimStart().startsWith("//")) return line;
   return line.replace(/\b[A-Z][A-Z0-9_]+\b/g, (name) => (Object.hasOwn(defined, name) ? String(defined[name]) : name));

@@ -1,10 +1,10 @@
-/** A field's uniforms as one list of quadruples, of which WGSL reads each by a function of its name. */
+/** A field's uniforms as one list of quadruples, which WGSL reads by functions with their names. */
 
 import type { Uniforms } from "../uniforms.js";
 
 type Type = "f32" | "i32" | "bool" | "vec2f" | "vec3f" | "vec4f" | "vec3i" | "vec4i" | "mat3x3f" | "mat4x4f";
 
-/** Types by name; those with `[]` are of any number, and are read by it. */
+/** Types by name. Types with `[]` are arrays of any length, read by index. */
 const TYPES: Record<string, Type | `${Type}[]`> = {
   u_slot: "i32", u_slotsDeep: "i32", u_nodes: "vec4i[]", u_levels: "vec4i[]", u_codes: "vec4f[]", u_empty: "vec4f[]", u_emptyBands: "vec3f[]", u_finest: "i32", u_fixedLevel: "f32",
   u_output: "i32", u_skips: "bool", u_halfPixel: "f32", u_viewport: "vec4f", u_lens: "vec4f", u_isParallel: "bool", u_origin: "vec3f", u_toBox: "mat3x3f",
@@ -14,19 +14,19 @@ const TYPES: Record<string, Type | `${Type}[]`> = {
   u_voxels: "vec3f", u_toMask: "mat3x3f", u_maskShift: "vec3f", u_maskNearest: "bool", u_maskThreshold: "f32", u_network: "vec4f[]",
 };
 
-/** Quadruples of a value, and how many numbers each holds. */
+/** Number of quadruples of a value, and of components in each. */
 function shapeOf(type: Type): [number, number] {
   const [, columns, rows] = /^(?:mat(\d)x|vec)(\d)/.exec(type) ?? ["", "1", "1"];
   return [Number(columns ?? 1), Number(rows)];
 }
 
-/** Where each uniform lies in the list. */
+/** The places of the uniforms in the list. */
 export class Data {
-  /** Quadruples. */
+  /** Number of quadruples. */
   readonly length: number;
   private readonly places: { name: string; type: Type; isList: boolean; at: number }[] = [];
 
-  /** For what a field and a view set: `example` has all names, with lists as long as they will be. */
+  /** For the uniforms of a field and a view: `example` has all names, and lists of their final length. */
   constructor(example: Uniforms) {
     let at = 0;
     for (const [name, value] of Object.entries(example)) {
@@ -41,7 +41,7 @@ export class Data {
     this.length = at;
   }
 
-  /** Puts values into the list; those that are not among them stay. */
+  /** Writes values into the list. Other values in the list do not change. */
   write(values: Uniforms, into: Float32Array): void {
     for (const { name, type, at } of this.places) {
       const value = values[name];
@@ -52,7 +52,7 @@ export class Data {
     }
   }
 
-  /** Functions of the uniforms' names, that read the list as `list`. Whole numbers are below 2^24. */
+  /** Functions, named after the uniforms, that read them from `list`. Integers are below 2^24. */
   source(list: string): string {
     return this.places.map(({ name, type, isList, at }) => `fn ${name}(${isList ? "number: i32" : ""}) -> ${type} { return ${read(type, list, isList ? `${at} + number` : String(at))}; }`).join("\n");
   }

@@ -1,4 +1,4 @@
-/** The shader in WGSL, for every framework on WebGPU. */
+/** The shader in WGSL, for all frameworks on WebGPU. */
 
 import { isNested } from "../../format/parts.js";
 import type { Opened } from "../../load/loader.js";
@@ -12,17 +12,17 @@ import march from "./march.wgsl";
 import nested from "./nested.wgsl";
 import rays from "./rays.wgsl";
 
-/** The function `cornerInClip`, which needs uniforms alone. */
+/** The function `cornerInClip`, which needs only uniforms. */
 export const CORNER: string = corner;
 
-/** The function `marchRay` with all that it needs but uniforms and textures. */
+/** The function `marchRay` with everything that it needs, except uniforms and textures. */
 export function wgslSource(opened: Opened): string {
   const { metadata, plan, network } = opened;
   const parts = [field, networkSource(opened, "wgsl"), ...(isNested(metadata) ? [nested] : []), rays, march];
   return applyConditions(unrolled(parts.join("\n"), plan.quads), defines(metadata, plan, network, "wgsl"));
 }
 
-/** Types of the textures that a field has, by name. */
+/** Types of the textures of a field, by name. */
 export function textureTypes(opened: Opened): Partial<Record<(typeof SAMPLERS)[number], string>> {
   const { plan, network, mask } = opened;
   return {
