@@ -208,13 +208,13 @@ def from_arrays(
     """Makes a trained field from arrays: raw values at nodes, as DirectVoxGO and Mip-VoG train
     them.
 
-    `density` is `[X, Y, Z]`, raw; the opacity over one step is `1 - exp(-softplus(raw + shift) *
-    interval)`. `diffuse` is `[3, X, Y, Z]`, logits of colour. `features` is `[4, X, Y, Z]` and
-    requires a `network`: pairs of weight `[out, in]` and bias `[out]`, layer by layer, or a
-    dictionary with the checkpoint's names. The network runs once per ray, on the features and
-    `frequencies` octaves of the direction. `bounds` are two corners in world units; nodes 0 and N -
-    1 lie on the faces of the box. `stepsize` is the distance between samples in voxels. `interval`
-    defaults to `stepsize`.
+    `density` is `[X, Y, Z]`, raw; the opacity over one step is
+    `1 - exp(-softplus(raw + shift) * interval)`. `diffuse` is `[3, X, Y, Z]`, logits of colour.
+    `features` is `[4, X, Y, Z]` and requires a `network`: pairs of weight `[out, in]` and bias
+    `[out]`, layer by layer, or a dictionary with the checkpoint's names. The network runs once per
+    ray, on the features and `frequencies` octaves of the direction. `bounds` are two corners in
+    world units; nodes 0 and N - 1 lie on the faces of the box. `stepsize` is the distance between
+    samples in voxels. `interval` defaults to `stepsize`.
 
     Float32 arrays in C order are borrowed, not copied: do not change them before the bake.
     """

@@ -38,8 +38,8 @@ def bake(
     """Bakes `input` into the container `output` and returns the report of `mipvog-bake bake`.
 
     `input` is a checkpoint, a container or a glTF asset: a path, bytes, or a binary file that is
-    open for reading. It can also be a `Field`, or a dictionary of sampled arrays: `density` `[X, Y,
-    Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z, 3]` or `sh` `[X, Y, Z, 3, B]`.
+    open for reading. It can also be a `Field`, or a dictionary of sampled arrays: `density`
+    `[X, Y, Z]`, `aabb` `[2, 3]`, and `color` `[X, Y, Z, 3]` or `sh` `[X, Y, Z, 3, B]`.
 
     `output` is a path, or a binary file that is open for writing, such as `io.BytesIO()`.
 

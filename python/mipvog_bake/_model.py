@@ -52,10 +52,10 @@ def from_model(
 ) -> Field:
     """Samples a model and returns a field for `bake`.
 
-    `density(positions[n, 3])` returns `[n]`, optical depth per world unit. `color(positions[n, 3],
-    directions[n, 3])` returns `[n, 3]`, 0 to 1: the colour of matter along unit directions that
-    point into the scene. Both get float32 NumPy arrays, or torch tensors on `device`; both may
-    return either.
+    `density(positions[n, 3])` returns `[n]`, optical depth per world unit.
+    `color(positions[n, 3], directions[n, 3])` returns `[n, 3]`, 0 to 1: the colour of matter along
+    unit directions that point into the scene. Both get float32 NumPy arrays, or torch tensors on
+    `device`; both may return either.
 
     `bounds` are two corners of a box in world units. `resolution` is the number of nodes along the
     longest axis, or along each axis. Occupied blocks are found first. Densities are means over

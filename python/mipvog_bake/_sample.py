@@ -228,8 +228,8 @@ class Neighbours:
         return near[inner].reshape(-1, NODES), found.reshape(-1, NODES, 3)
 
     def _padded(self, values: npt.NDArray[Any], start: int, end: int) -> npt.NDArray[Any]:
-        """Values of blocks `start` to `end` with a border of one node around each block, `[n, 10,
-        10, 10, ...]` from `[n, 512, ...]`. Borders without a block are 0."""
+        """Values of blocks `start` to `end` with a border of one node around each block,
+        `[n, 10, 10, 10, ...]` from `[n, 512, ...]`. Borders without a block are 0."""
         own, rest = self._blocks[start:end], values.shape[2:]
         padded = np.zeros((len(own), *(EDGE + 2,) * 3, *rest), dtype=values.dtype)
         # Of the block before only its last node, of the one behind only its first.

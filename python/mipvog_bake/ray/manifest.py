@@ -1,5 +1,5 @@
-"""The manifest: JSON lines, `{"input", "output", "options"}`, as in `mipvog-bake bake
---manifest`."""
+"""The manifest: JSON lines, `{"input", "output", "options"}`, as in
+`mipvog-bake bake --manifest`."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Makes the rule from the offsets of the neighbouring rays, in voxels per pixel: `[x or y][at
-    /// index 0, per step]`. `levels` are the finest and the coarsest readable level.
+    /// Makes the rule from the offsets of the neighbouring rays, in voxels per pixel:
+    /// `[x or y][at index 0, per step]`. `levels` are the finest and the coarsest readable level.
     pub fn new(sides: [[[f64; 3]; 2]; 2], rule: &LevelOfDetail, levels: [usize; 2]) -> Self {
         let [finest, coarsest] = levels.map(|level| level as f32);
         let last = rule.bound.map_or(coarsest, |bound| bound.min(coarsest)).max(finest);
