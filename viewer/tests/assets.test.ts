@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { container, plain, SQUARES, withDraco, withKtx2, withMeshopt } from "./compressed.js";
-import { CountingServer, launch, newPage, ready } from "./support.js";
+import { CountingServer, launch, newPage, night, ready } from "./support.js";
 
 const server = new CountingServer();
 /** The policy of `view`. */
@@ -39,7 +39,7 @@ async function shown(page: Page, address: string): Promise<{ pixels: number[]; t
 
 const green = (pixels: number[]) => pixels.filter((value, at) => at % 4 === 1 && value > 60 && pixels[at - 1] < 10 && pixels[at + 1] < 10).length;
 
-test("assets that are compressed by Draco or meshoptimizer are shown as those that are not", async () => {
+night("assets that are compressed by Draco or meshoptimizer are shown as those that are not", async () => {
   const { page, problems } = await newPage(browser);
   const wanted = await shown(page, server.offer("plain.glb", plain()));
   assert.ok(green(wanted.pixels) > 500, `${green(wanted.pixels)} pixels of floor`);
@@ -69,7 +69,7 @@ test("a texture without a decoder is left out, and the page says which", async (
   await page.close();
 });
 
-test("where decoders do not work, the field is shown alone, and the page says which it was", async () => {
+night("where decoders do not work, the field is shown alone, and the page says which it was", async () => {
   const draco = server.offer("draco.glb", await withDraco());
   const meshopt = server.offer("ext.glb", await withMeshopt("EXT_meshopt_compression"));
   server.headers = { "Content-Security-Policy": POLICY.replace(" 'wasm-unsafe-eval'", "") };
@@ -83,7 +83,7 @@ test("where decoders do not work, the field is shown alone, and the page says wh
   server.headers = { "Content-Security-Policy": POLICY };
 });
 
-test("what an address without an ending leads to is told by its first bytes", async () => {
+night("what an address without an ending leads to is told by its first bytes", async () => {
   const { page, problems } = await newPage(browser);
   for (const ranges of [true, false]) {
     server.ranges = ranges;

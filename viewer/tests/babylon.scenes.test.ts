@@ -2,9 +2,9 @@
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { bakedScene, CountingServer, launch, newPage, openOther, psnr } from "./support.js";
+import { bakedScene, CountingServer, launch, newPage, night, openOther, psnr } from "./support.js";
 import type {} from "./others/babylon.scenes.js";
 
 const server = new CountingServer();
@@ -37,7 +37,7 @@ function wrong(): string[] {
 for (const rightHanded of [true, false]) {
   const hand = rightHanded ? "right" : "left";
 
-  test(`copies of every kind draw the field at their own place in a ${hand}-handed scene, and it is loaded once`, async () => {
+  night(`copies of every kind draw the field at their own place in a ${hand}-handed scene, and it is loaded once`, async () => {
     const { wanted, found, empty, workers } = await page.evaluate(async ([address, rightHanded]) => {
       const { ImportMeshAsync, LoadAssetContainerAsync, RadianceField, TransformNode, sceneOf, picture } = window.babylon;
       const from: [number, number, number] = [4, 2, 1];
@@ -107,7 +107,7 @@ for (const rightHanded of [true, false]) {
     assert.deepEqual(wrong(), []);
   });
 
-  test(`rays hit what is seen in a ${hand}-handed scene`, async () => {
+  night(`rays hit what is seen in a ${hand}-handed scene`, async () => {
     const { hits, corner } = await page.evaluate(async ([address, rightHanded]) => {
       const { RadianceField, sceneOf, picture, SIZE } = window.babylon;
       const { engine, scene, camera } = sceneOf(rightHanded, [3.2, 1.5, 0.7]);
@@ -130,7 +130,7 @@ for (const rightHanded of [true, false]) {
     assert.deepEqual(wrong(), []);
   });
 
-  test(`orthographic cameras of a ${hand}-handed scene see what perspective ones see from far away, and depths may be logarithmic`, async () => {
+  night(`orthographic cameras of a ${hand}-handed scene see what perspective ones see from far away, and depths may be logarithmic`, async () => {
     const pictures = await page.evaluate(async ([address, rightHanded]) => {
       const { Camera, Color3, CreatePlane, RadianceField, StandardMaterial, sceneOf, picture } = window.babylon;
       const { engine, scene, camera } = sceneOf(rightHanded, [30, 10, 0]);

@@ -3,12 +3,12 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 import type { Browser } from "playwright-core";
 import { openFirefox, withoutFirefox } from "./firefox.js";
 import type { BabylonLook } from "./others/asked.js";
 import type { Told } from "./others/babylon.webgpu.js";
-import { CountingServer, launch, newPage, openOther, psnr, ROOT } from "./support.js";
+import { CountingServer, launch, newPage, night, openOther, psnr, ROOT } from "./support.js";
 
 const SIZE = 64;
 const server = new CountingServer();
@@ -25,7 +25,7 @@ after(async () => {
   server.stop();
 });
 
-test("Babylon.js draws fields with WebGPU as it does with WebGL, among meshes and of either hand", { skip }, async () => {
+night("Babylon.js draws fields with WebGPU as it does with WebGL, among meshes and of either hand", { skip }, async () => {
   const looks: BabylonLook[] = [];
   for (const [name, wall] of [["tiny.rate"], ["harmonics"], ["harmonics", 3.3], ["dvgo.coverage"], ["boxes"]] as [string, number?][]) {
     const address = server.offer(`${name}.mipvog`, readFileSync(join(ROOT, "fixtures", "baked", `${name}.mipvog`)));

@@ -12,7 +12,7 @@ import { Blocks } from "../src/load/blocks.js";
 import { levelChunks } from "../src/load/level.js";
 import { type DeviceLimits, plan } from "../src/load/plan.js";
 import { Residents, runsOf } from "../src/load/residents.js";
-import { capture, CountingServer, launch, loseDevice, newPage, openOther, psnr, ready, ROOT, type View } from "./support.js";
+import { capture, CountingServer, launch, loseDevice, newPage, night, openOther, psnr, ready, ROOT, type View } from "./support.js";
 import type {} from "./others/babylon.scenes.js";
 
 const WORLD = join(ROOT, "fixtures", "baked", "boxes.mipvog");
@@ -157,7 +157,7 @@ test("with room for less than a fifth of a world's blocks, the next coarser leve
   }
 });
 
-test("a world with room for less than a fifth of its blocks looks better than as many whole levels, and a device that was lost gets it back", async () => {
+night("a world with room for less than a fifth of its blocks looks better than as many whole levels, and a device that was lost gets it back", async () => {
   const bytes = readFileSync(WORLD);
   const most = half(metadataOf(WORLD));
   const fitting = metadataOf(WORLD).levels.findIndex((_, level) => plan(metadataOf(WORLD), DEVICE, level).bytes <= most);
@@ -200,7 +200,7 @@ test("a world with room for less than a fifth of its blocks looks better than as
   });
 });
 
-test("Babylon.js draws an object in less memory, finely where the camera is", async () => {
+night("Babylon.js draws an object in less memory, finely where the camera is", async () => {
   const path = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
   const whole = plan(metadataOf(path), DEVICE, 0).bytes;
   const address = server.offer("object.mipvog", readFileSync(path));

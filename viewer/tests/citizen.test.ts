@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { Picture } from "./others/webgpu.js";
-import { CountingServer, launchWebGPU, newPage, openOther, psnr, ROOT } from "./support.js";
+import { CountingServer, launchWebGPU, newPage, night, openOther, psnr, ROOT } from "./support.js";
 
 const server = new CountingServer();
 let browser: Browser;
@@ -176,7 +176,7 @@ test("fields that overlap are drawn from far to near by their origins, and one i
   assert.deepEqual(wrong(), []);
 });
 
-test("a field is drawn many times, below any parent, from one set of textures", async () => {
+night("a field is drawn many times, below any parent, from one set of textures", async () => {
   const { pictures, volumes } = await page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const own = GPUDevice.prototype.createTexture;
@@ -227,7 +227,7 @@ test("a field is drawn many times, below any parent, from one set of textures", 
   assert.deepEqual(wrong(), []);
 });
 
-test("orthographic cameras, far planes in the box, and targets of several samples", async () => {
+night("orthographic cameras, far planes in the box, and targets of several samples", async () => {
   const told = await page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, load, picture, targetOf } = window.gpu;
     const all = [];
@@ -371,7 +371,7 @@ test("targets of several attachments, cameras of several views and the fallback 
   assert.deepEqual(wrong().filter((problem) => !expected.some((start) => problem.startsWith(start)) && !/is not compatible/.test(problem)), []);
 });
 
-test("fifty fields come and go without a trace on the device", async () => {
+night("fifty fields come and go without a trace on the device", async () => {
   const { held, levels } = await page.evaluate(async (address) => {
     const { RadianceField, rendererOf, cameraAt, THREE, targetOf, picture } = window.gpu;
     const held = new Map<object, number>();
@@ -467,7 +467,7 @@ test("fog, clipping planes and opacity do not change a field, and materials of p
   assert.deepEqual(wrong(), []);
 });
 
-test("with WebGL, fifty fields come and go without a trace on the device", async () => {
+night("with WebGL, fifty fields come and go without a trace on the device", async () => {
   const { held, levels } = await page.evaluate(async (address) => {
     const { RadianceField, rendererOf, cameraAt, THREE, targetOf } = window.gpu;
     const { prototype } = WebGL2RenderingContext;

@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { drawn, openStudio, type Studio } from "./studio.js";
+import { night } from "./support.js";
 
 let studio: Studio;
 
@@ -12,7 +13,7 @@ before(async () => {
 
 after(() => studio.close());
 
-test("copies of an asset, of a scene and of a field draw the field at their own place, and it is loaded once", async () => {
+night("copies of an asset, of a scene and of a field draw the field at their own place, and it is loaded once", async () => {
   const { wanted, found, asked, workers } = await studio.page.evaluate(async (address) => {
     const { THREE, GLTFLoader, SkeletonUtils, RadianceFieldExtension, rendererOf, cameraAt, picture, fieldsIn } = window.lib;
     const loader = new GLTFLoader().register((parser) => new RadianceFieldExtension(parser));
@@ -119,7 +120,7 @@ test("a field is made of a source", async () => {
   assert.match(message, /^FieldError: A field is made of a container's address/);
 });
 
-test("two renderers show one field, and levels come once for each", async () => {
+night("two renderers show one field, and levels come once for each", async () => {
   const { pictures, sent } = await studio.page.evaluate(async (address) => {
     const { sceneOf, rendererOf, cameraAt, fieldsIn } = window.lib;
     const { scene } = sceneOf(address);

@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, JSHandle, Page } from "playwright-core";
 import type { MipvogViewer } from "../src/element.js";
-import { CountingServer, launch, newPage, ROOT } from "./support.js";
+import { CountingServer, launch, newPage, ROOT, night } from "./support.js";
 
 const server = new CountingServer();
 let browser: Browser;
@@ -48,7 +48,7 @@ function camera(element: JSHandle<MipvogViewer>): Promise<number[]> {
   return element.evaluate((element) => element.stage!.camera.position.toArray());
 }
 
-test("a view that a hand chose stays while levels come again", async () => {
+night("a view that a hand chose stays while levels come again", async () => {
   const { page, element, problems } = await open();
   const framed = await camera(element);
   await element.evaluate((element) => element.stage!.orbit(0.5, 0));
@@ -75,7 +75,7 @@ test("a view that a hand chose stays while levels come again", async () => {
   await page.close();
 });
 
-test("an element outside of the page hears no keys and draws nothing, and shows its scene when it is back", async () => {
+night("an element outside of the page hears no keys and draws nothing, and shows its scene when it is back", async () => {
   const { page, element, problems } = await open();
   const moved = await element.evaluate(async (element) => {
     const stage = element.stage!;
@@ -137,7 +137,7 @@ test("properties are the attributes, whenever they are set", async () => {
   await page.close();
 });
 
-test("any color of the browser lies behind the field, also one that is seen through", async () => {
+night("any color of the browser lies behind the field, also one that is seen through", async () => {
   const { page, element, problems } = await open();
   const corner = async () => {
     await page.waitForFunction((element) => element.stage?.settled, element);
@@ -314,7 +314,7 @@ test("a lazy element waits until it is near, with its poster", async () => {
   await page.close();
 });
 
-test("of more elements than the browser has contexts, each shows its picture, and those in use are live", async () => {
+night("of more elements than the browser has contexts, each shows its picture, and those in use are live", async () => {
   const { page, problems } = await openMany(Array.from({ length: 18 }, () => ({})), "display: inline-block; width: 60px");
   await page.waitForFunction(() => [...document.querySelectorAll("mipvog-viewer")].every((one) => {
     const canvas = one.shadowRoot!.querySelector("canvas")!;

@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
 import type { Browser, Page } from "playwright-core";
-import { capture, CountingServer, launch, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
+import { capture, CountingServer, launch, newPage, night, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
 
 const LEGO = join(ROOT, "fixtures", "trained", "lego64");
 const CAMERAS = join(LEGO, "transforms_test.json");
@@ -48,7 +48,7 @@ test("a page opens from a disk, under its own policy, and asks nobody for anythi
   await page.close();
 });
 
-test("a frame of a notebook, whose document is text, shows the field", async () => {
+night("a frame of a notebook, whose document is text, shows the field", async () => {
   const { page, problems } = await newPage(browser);
   await page.setContent('<iframe sandbox="allow-scripts" allow="fullscreen; xr-spatial-tracking" style="width: 400px; height: 300px"></iframe>');
   await page.evaluate((text) => document.querySelector("iframe")!.setAttribute("srcdoc", text), readFileSync(at("page.html"), "utf8"));
@@ -60,7 +60,7 @@ test("a frame of a notebook, whose document is text, shows the field", async () 
   await page.close();
 });
 
-test("a folder opens from a plain server, in ranges where it has them", async () => {
+night("a folder opens from a plain server, in ranges where it has them", async () => {
   const bytes = readFileSync(join(at("site"), "lego64.mipvog"));
   for (const ranges of [true, false]) {
     const server = new CountingServer(at("site"));

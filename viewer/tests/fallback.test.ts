@@ -3,9 +3,9 @@
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 import type { Browser } from "playwright-core";
-import { CountingServer, launch, newPage, openOther, pixels, program, psnr, ROOT, temporaryFolder, views } from "./support.js";
+import { CountingServer, launch, newPage, night, openOther, pixels, program, psnr, ROOT, temporaryFolder, views } from "./support.js";
 import { glb } from "./glb.js";
 import type { Look } from "./others/asked.js";
 
@@ -91,7 +91,7 @@ function covered(picture: number[], least: number): boolean[] {
 const count = (pixels: boolean[]) => pixels.filter(Boolean).length;
 
 for (const name of ["inside.glb", "beside.gltf"]) {
-  test(`stock viewers show the mesh of ${name} where the field is, in its colours`, async () => {
+  night(`stock viewers show the mesh of ${name} where the field is, in its colours`, async () => {
     const [view] = views(CAMERAS, SIZE);
     program("render", at("field.mipvog"), "--cameras", CAMERAS, "--frames", "0", "--size", `${SIZE}x${SIZE}`, "--background", BACKGROUND.join(), "--force", "-o", at("reference"));
     const { page } = await newPage(browser);
@@ -123,7 +123,7 @@ for (const name of ["inside.glb", "beside.gltf"]) {
   });
 }
 
-test("the mesh looks as the field does, at least 24 dB near", async () => {
+night("the mesh looks as the field does, at least 24 dB near", async () => {
   const [size, frames] = [400, [0, 4, 8]];
   const cameras = views(CAMERAS, size);
   const render = ["render", at("field.mipvog"), "--cameras", CAMERAS, "--frames", frames.join(), "--size", `${size}x${size}`, "--background", "1,1,1"];
@@ -145,7 +145,7 @@ test("the mesh looks as the field does, at least 24 dB near", async () => {
   assert.ok(sum / frames.length >= 24, `${sum / frames.length} dB`);
 });
 
-test("a field in somebody's asset changes nothing for viewers that do not know it", async () => {
+night("a field in somebody's asset changes nothing for viewers that do not know it", async () => {
   for (const viewer of VIEWERS) {
     const look: Camera = { position: [0.5, 0.5, 4], target: [0, 0, 0], angle: 0.8 };
     const before = await drawn(viewer, "theirs.glb", look);

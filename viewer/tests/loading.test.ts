@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { bakedScene, capture, CountingServer, launch, loseDevice, newPage, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
+import { bakedScene, capture, CountingServer, launch, loseDevice, newPage, night, pixels, program, psnr, ready, ROOT, temporaryFolder, views } from "./support.js";
 
 const LEGO = join(ROOT, "fixtures", "trained", "lego64");
 const CAMERAS = join(LEGO, "transforms_test.json");
@@ -76,7 +76,7 @@ test("the first picture needs a twentieth of the file, and every further level m
   await page.close();
 });
 
-test("every first part that ends at a level is shown, and says what is missing", async () => {
+night("every first part that ends at a level is shown, and says what is missing", async () => {
   server.gate = Infinity;
   const { page, problems } = await newPage(browser, { width: 800, height: 300 });
   for (const level of levels.keys()) {
@@ -90,7 +90,7 @@ test("every first part that ends at a level is shown, and says what is missing",
   await page.close();
 });
 
-test("a server without ranges is asked once, and the panel says so", async () => {
+night("a server without ranges is asked once, and the panel says so", async () => {
   const { page, problems } = await newPage(browser, { width: 800, height: 300 });
   server.ranges = false;
   server.sent = 0;
@@ -103,7 +103,7 @@ test("a server without ranges is asked once, and the panel says so", async () =>
   await page.close();
 });
 
-test("a server that answers with less than was asked for is asked for the rest, whether it shows where parts end or not", async () => {
+night("a server that answers with less than was asked for is asked for the rest, whether it shows where parts end or not", async () => {
   const { page, problems } = await newPage(browser);
   const [view] = views(CAMERAS, 50);
   await page.goto(server.page("usual.mipvog", bytes));
@@ -129,7 +129,7 @@ test("a server that answers with less than was asked for is asked for the rest, 
   await page.close();
 });
 
-test("a file that lies compressed on its server is read whole", async () => {
+night("a file that lies compressed on its server is read whole", async () => {
   const { page } = await newPage(browser);
   server.compressed = true;
   await page.goto(server.page("compressed.mipvog", bytes));
@@ -217,7 +217,7 @@ async function loseAndRegain(page: Page): Promise<void> {
   await page.waitForFunction(() => (window as unknown as { changes: number }).changes > 0 && !window.__mipvog.field!.waiting);
 }
 
-test("a device that is lost on the way gets back what had come, and the rest as it comes", async () => {
+night("a device that is lost on the way gets back what had come, and the rest as it comes", async () => {
   const { page, problems } = await newPage(browser);
   server.gate = Math.floor(bytes.length / 20);
   await page.goto(server.page("lost.mipvog", bytes));
@@ -277,7 +277,7 @@ async function withWorkers(cores: number, missing: number[] = []): Promise<{ pag
   return made;
 }
 
-test("workers that help are missed by nobody, and without the one that reads nothing is waited for", async () => {
+night("workers that help are missed by nobody, and without the one that reads nothing is waited for", async () => {
   const large = join(folder.path, "large.mipvog");
   program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--bits", "12", "--block-size", "4", "-o", large);
   const content = readFileSync(large);
@@ -303,7 +303,7 @@ test("workers that help are missed by nobody, and without the one that reads not
   await page.close();
 });
 
-test("pictures of every level are the program's, however many workers help", async () => {
+night("pictures of every level are the program's, however many workers help", async () => {
   const large = join(folder.path, "small_blocks.mipvog");
   // With 4 and with 16 helpers, shares of level 1 end at faces of the grid.
   program("bake", join(LEGO, "fine_last.tar"), "--stepsize", "0.5", "--near", "2", "--far", "6", "--bits", "12", "--block-size", "2", "-o", large);

@@ -13,7 +13,7 @@ import * as viteMiddle from "vite-middle";
 import * as viteOldest from "vite-oldest";
 import type {} from "../src/element.js";
 import { withDraco, withKtx2, withMeshopt } from "./compressed.js";
-import { CountingServer, launch, newPage, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
+import { CountingServer, launch, newPage, night, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
 
 /** Below `viewer/`, so that three.js and the frameworks are found there. */
 const USER = join(process.cwd(), "build", "user");
@@ -120,11 +120,11 @@ test("the one script of the package needs no other file but the scene", async ()
 });
 
 for (const name of ["import-map.html", "element.html", "model-viewer.html"]) {
-  test(`the example ${name} shows the scene`, () => shows(USER, name));
+  (name === "import-map.html" ? test : night)(`the example ${name} shows the scene`, () => shows(USER, name));
 }
 
 for (const name of ["vite", "react", "babylon"]) {
-  test(`the example ${name}/ is built and shows the scene`, async () => {
+  (name === "vite" ? test : night)(`the example ${name}/ is built and shows the scene`, async () => {
     const root = join(USER, name);
     await vite.build({ root, configFile: false, logLevel: "error", build: { outDir: "dist" } });
     await shows(join(root, "dist"), "index.html");
@@ -133,7 +133,7 @@ for (const name of ["vite", "react", "babylon"]) {
 
 for (const [release, { createServer }] of Object.entries({ 5: viteOldest, 7: viteMiddle, 8: vite })) {
   for (const name of ["vite", "react", "babylon"]) {
-    test(`the example ${name}/ shows the scene while it is developed with Vite ${release}`, async () => {
+    (release === "8" && name === "vite" ? test : night)(`the example ${name}/ shows the scene while it is developed with Vite ${release}`, async () => {
       const root = join(USER, name);
       cpSync(join(USER, "scene.mipvog"), join(root, "scene.mipvog"));
       const options = { root, cacheDir: join(USER, "cache", `${name}.${release}`), configFile: false, logLevel: "error", server: { host: "127.0.0.1", port: 0 } } as const;
@@ -163,7 +163,7 @@ test("a page of React that a server has drawn is taken over by the browser, and 
   await shows(join(root, "dist"), "index.html");
 });
 
-test("a bundle of one script, without the worker beside it, shows the scene", async () => {
+night("a bundle of one script, without the worker beside it, shows the scene", async () => {
   const root = join(USER, "one");
   mkdirSync(root, { recursive: true });
   await esbuild.build({ entryPoints: [join(USER, "vite", "main.js")], bundle: true, format: "esm", outfile: join(root, "main.js"), logLevel: "error" });
@@ -261,7 +261,7 @@ test("no example is longer than 20 lines", () => {
   }
 });
 
-test("every supported three.js draws the same picture", async () => {
+night("every supported three.js draws the same picture", async () => {
   const address = server.offer("tiny.mipvog", readFileSync(TINY));
   const pictures = [];
   for (const name of ["plugin.oldest", "plugin.middle", "plugin"]) {

@@ -8,7 +8,7 @@ import { createInterface } from "node:readline";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { glb } from "./glb.js";
-import { capture, CountingServer, launch, loseDevice, newPage, openOther, programPath, psnr, ready, ROOT, type View } from "./support.js";
+import { capture, CountingServer, launch, loseDevice, newPage, night, openOther, programPath, psnr, ready, ROOT, type View } from "./support.js";
 
 declare global {
   interface Window {
@@ -144,7 +144,7 @@ function asset(container: Buffer, rotation: number[], { fallback = true, neighbo
   return glb(json, Buffer.concat([triangle, Buffer.alloc(28), container]));
 }
 
-test("files are dropped one after the other: containers, assets, and what is neither", async () => {
+night("files are dropped one after the other: containers, assets, and what is neither", async () => {
   const { page, problems } = await newPage(browser);
   await page.goto(server.origin);
   await page.waitForFunction(() => window.__mipvog);
@@ -253,7 +253,7 @@ test("meshes beside a field are lit, and nothing of a file stays on the device a
   await page.close();
 });
 
-test("a device without room is told in words, and what it had taken is free again", async () => {
+night("a device without room is told in words, and what it had taken is free again", async () => {
   const { page, problems } = await newPage(browser);
   await countTextures(page);
   await page.goto(server.origin);
@@ -356,7 +356,7 @@ test("a lost device is told, and the picture comes back with it", async () => {
 });
 
 for (const scheme of ["light", "dark"] as const) {
-  test(`the page fits 320 pixels and is readable when it is ${scheme}`, async () => {
+  (scheme === "dark" ? test : night)(`the page fits 320 pixels and is readable when it is ${scheme}`, async () => {
     const { page, problems } = await newPage(browser, { width: 320, height: 480 });
     await page.emulateMedia({ colorScheme: scheme });
     await page.goto(server.page("tiny.mipvog", bytes));

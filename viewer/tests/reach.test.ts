@@ -10,7 +10,7 @@ import { Blocks } from "../src/load/blocks.js";
 import { type DecodedPart, levelChunks, LevelDecoder } from "../src/load/level.js";
 import { plan } from "../src/load/plan.js";
 import { prepareDecoding } from "../src/load/prepare.js";
-import { numbers, ROOT, storedFrame } from "./support.js";
+import { night, numbers, ROOT, storedFrame } from "./support.js";
 
 /** The neighbours whose lowest nodes a block repeats, with itself. */
 const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => [bits & 1, (bits >> 1) & 1, bits >> 2]);
@@ -85,7 +85,7 @@ function compare(levels: Level[], helpers: number): void {
   }
 }
 
-test("bricks of any number of helpers are those of the whole level, in plain script and in WebAssembly", async () => {
+night("bricks of any number of helpers are those of the whole level, in plain script and in WebAssembly", async () => {
   const all = NAMES.map(levelsOf);
   for (let helpers = 1; helpers <= 16; helpers++) all.forEach((levels) => compare(levels, helpers));
   await prepareDecoding();

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { drawn, openStudio, type Studio } from "./studio.js";
-import { psnr } from "./support.js";
+import { night, psnr } from "./support.js";
 
 let studio: Studio;
 
@@ -21,7 +21,7 @@ function flipped(pixels: number[], size = 64): number[] {
   });
 }
 
-test("a field is drawn from any distance and at any scale", async () => {
+night("a field is drawn from any distance and at any scale", async () => {
   const pictures = await studio.page.evaluate(async (address) => {
     const { sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const { scene, field } = sceneOf(address);
@@ -44,7 +44,7 @@ test("a field is drawn from any distance and at any scale", async () => {
 });
 
 for (const name of ["lego", "harmonics"]) {
-  test(`a mirrored node of ${name} shows the mirror image, highlights included`, async () => {
+  night(`a mirrored node of ${name} shows the mirror image, highlights included`, async () => {
     const pictures = await studio.page.evaluate(async (address) => {
       const { THREE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
       const { scene, field } = sceneOf(address);
@@ -73,7 +73,7 @@ for (const name of ["lego", "harmonics"]) {
   });
 }
 
-test("targets of headsets get the canvas's values, others linear ones", async () => {
+night("targets of headsets get the canvas's values, others linear ones", async () => {
   const pictures = await studio.page.evaluate(async (address) => {
     const { THREE, SIZE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const { scene, field } = sceneOf(address);
@@ -131,7 +131,7 @@ test("meshes hide a field and are hidden by it with every kind of depth", async 
   assert.deepEqual(studio.wrong(), []);
 });
 
-test("a far plane within the box cuts nothing off", async () => {
+night("a far plane within the box cuts nothing off", async () => {
   const [whole, ...cut] = await studio.page.evaluate(async (address) => {
     const { sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const pictures = [];
@@ -153,7 +153,7 @@ test("a far plane within the box cuts nothing off", async () => {
   cut.forEach((picture) => assert.ok(psnr(picture, whole) > 60, `${psnr(picture, whole)} dB`));
 });
 
-test("orthographic cameras see what perspective ones see from very far away, meshes hide and are hidden, and points are picked", async () => {
+night("orthographic cameras see what perspective ones see from very far away, meshes hide and are hidden, and points are picked", async () => {
   const told = await studio.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, picture } = window.lib;
     const all = [];
@@ -195,7 +195,7 @@ test("orthographic cameras see what perspective ones see from very far away, mes
   assert.deepEqual(studio.wrong(), []);
 });
 
-test("rays hit what is seen, and no other pass draws the box", async () => {
+night("rays hit what is seen, and no other pass draws the box", async () => {
   const told = await studio.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, picture, pixelsOf } = window.lib;
     const { scene, field } = sceneOf(address);

@@ -6,6 +6,7 @@ import { createServer, type IncomingMessage, type ServerResponse } from "node:ht
 import type { AddressInfo } from "node:net";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
+import { test } from "node:test";
 import { gzipSync } from "node:zlib";
 import { type Browser, chromium, type Frame, type Page } from "playwright-core";
 import type {} from "../page/viewer.js";
@@ -14,6 +15,9 @@ import type {} from "../page/viewer.js";
 export const ROOT = join(process.cwd(), "..");
 const DIST = join(process.cwd(), "dist");
 const TYPES: Record<string, string> = { html: "text/html", js: "text/javascript", css: "text/css", png: "image/png" };
+
+/** A test that takes long, for `npm run test:night`: `npm test` leaves it out. */
+export const night = (process.env.MIPVOG_NIGHT ? test : test.skip) as typeof test;
 
 /** The program, built before: `MIPVOG_BAKE`, or cargo's debug build. */
 export function program(...parameters: string[]): string {

@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { RadianceField } from "../src/index.js";
-import { CountingServer, launch, newPage, ready, ROOT } from "./support.js";
+import { CountingServer, launch, newPage, night, ready, ROOT } from "./support.js";
 
 const TINY = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
 const OTHER = join(ROOT, "fixtures", "baked", "harmonics.mipvog");
@@ -76,7 +76,7 @@ test("the file has its own name, and a link leads to the same view", async () =>
   await page.close();
 });
 
-test("a link to another view of the page goes there, and the controls say what it is", async () => {
+night("a link to another view of the page goes there, and the controls say what it is", async () => {
   const { page, problems } = await open();
   await page.keyboard.press("v");
   assert.equal(await page.locator("#way").textContent(), "Fly");
@@ -124,7 +124,7 @@ test("pictures are saved, and keys are shown", async () => {
   await page.close();
 });
 
-test("it turns by itself, flies and walks", async () => {
+night("it turns by itself, flies and walks", async () => {
   const { page, problems } = await open();
   const start = await view(page);
   await page.keyboard.press("t");
@@ -165,7 +165,7 @@ test("a double click turns around what is there, and the hand's move goes on unl
   await page.close();
 });
 
-test("cameras of a file are offered, and the ground and the legend follow", async () => {
+night("cameras of a file are offered, and the ground and the legend follow", async () => {
   const { page, problems } = await open();
   const choose = async (button: string, name: string, content: Buffer) => {
     const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.evaluate((button) => document.querySelector<HTMLElement>(button)!.click(), button)]);
@@ -269,7 +269,7 @@ test("the code for a page is a frame with this view", async () => {
   await page.close();
 });
 
-test("two files share a picture, each on its side", async () => {
+night("two files share a picture, each on its side", async () => {
   server.offer("other.mipvog", readFileSync(OTHER));
   const { page, problems } = await open("&compare=other.mipvog");
   await page.waitForFunction(() => window.__mipvog.stage.painter.split !== null && window.__mipvog.ready);
