@@ -192,7 +192,7 @@ night("cameras of a file are offered, and the ground and the legend follow", asy
   await page.close();
 });
 
-test("a file beside another one follows the chosen level and colours, as far as it has levels", async () => {
+night("a file beside another one follows the chosen level and colours, as far as it has levels", async () => {
   const { page, problems } = await open();
   await page.locator("#panel > summary").click();
   await page.locator("#numbers > summary").click();

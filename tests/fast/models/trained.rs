@@ -67,14 +67,14 @@ fn models_of_real_trainings_show_what_their_programs_show() {
     agrees("torch_ngp.pth", Family::TorchNgp, &scaled(0.8), &both, MOST);
 }
 
-/// Networks that run per sample are not linear between nodes: fitted at nodes alone, these files
-/// would be 26.1, 37.3 and 33.2 dB from the unbaked pictures.
+/// Networks that run per sample are not linear between nodes: fitted at nodes alone, rays of these
+/// files are 23.1, 34.3 and 24.8 dB from the unbaked ones; between nodes 28.2, 41.2 and 29.5 dB.
 #[test]
 fn networks_of_real_trainings_are_fitted_between_nodes() {
     let near = SourceOptions { near: Some(2.0), ..SourceOptions::default() };
     let plain = SourceOptions::default();
     for (file, options, least) in
-        [("dvgo.tar", &near, 31.0), ("tensorf.th", &plain, 42.0), ("ns_tensorf", &plain, 37.0)]
+        [("dvgo.tar", &near, 27.5), ("tensorf.th", &plain, 40.0), ("ns_tensorf", &plain, 28.5)]
     {
         let source = open(file, options);
         let bytes = Baker::new(BakeOptions::default()).to_vec(&source).expect("a container");
