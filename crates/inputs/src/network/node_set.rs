@@ -138,7 +138,7 @@ mod tests {
                             x < nx && y < ny && z < nz && is_in(x, y, z)
                         });
                         let bits = cells.get(y * words..).unwrap_or_default();
-                        assert_eq!(bits.first().is_some() && row::get(bits, z), all, "{counts:?}");
+                        assert_eq!(!bits.is_empty() && row::get(bits, z), all, "{counts:?}");
                     }
                 }
             }
