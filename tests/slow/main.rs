@@ -1,4 +1,4 @@
-//! Tests that take long. `cargo test` leaves them out; the gate runs `cargo test --test slow`.
+//! Tests that take long. `cargo test` leaves them out; `.ci/run` runs most of them, and `.ci/night` all.
 
 use peak_alloc::PeakAlloc;
 
