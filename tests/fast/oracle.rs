@@ -11,7 +11,7 @@ use mipvog::base::limits::Limits;
 use mipvog::levels::{Kernel, LevelFilter};
 use mipvog::model::baked::DensityDomain;
 use mipvog::model::baked::Group;
-use mipvog::model::field::RadianceField;
+use mipvog::model::field::{Activation, RadianceField};
 use mipvog::quantize::Bits;
 use mipvog_inputs::tensor;
 
@@ -268,7 +268,8 @@ fn activation_equals_the_oracle() {
             let want =
                 golden("activation.safetensors", &format!("alpha.init{name}.interval{interval}"));
             for (&raw, &want) in raw.iter().zip(&want) {
-                let got = mipvog::model::activate::opacity(raw.into(), shift, interval);
+                let activation = Activation::logits(shift as f32, interval as f32);
+                let got = activation.opacity(raw.into());
                 // The vectors were rounded to float32 when they were read.
                 let error = (got - f64::from(want)).abs();
                 assert!(

@@ -45,7 +45,8 @@ fn other_programs_take_what_is_written() {
     assert!(read("a.glb") == read("again.glb"));
     let tiny = fixture("baked/tiny.rate.f16.mipvog").display().to_string();
     for name in ["splats.glb", "splats.gltf"] {
-        run(here, &["export", &tiny, "--to", "splat", "-o", name, "--splats", "500"]);
+        let small = ["--splats", "500", "--turntable", "8", "--size", "64"];
+        run(here, &[&["export", &tiny, "--to", "splat", "-o", name][..], &small].concat());
     }
     // An asset without anything but a node, and without a scene.
     for (name, document) in [

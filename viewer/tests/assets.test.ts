@@ -1,7 +1,7 @@
 /** Assets with compressed meshes and textures, and files that their addresses do not tell. */
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { container, plain, SQUARES, withDraco, withKtx2, withMeshopt } from "./compressed.js";
 import { CountingServer, launch, newPage, night, ready } from "./support.js";
@@ -56,7 +56,7 @@ night("assets that are compressed by Draco or meshoptimizer are shown as those t
   await page.close();
 });
 
-test("a texture without a decoder is left out, and the page says which", async () => {
+night("a texture without a decoder is left out, and the page says which", async () => {
   const { page, problems } = await newPage(browser);
   const found = await shown(page, server.offer("ktx2.glb", withKtx2()));
   assert.deepEqual([found.triangles, found.finest], [2 * SQUARES ** 2, 0]);

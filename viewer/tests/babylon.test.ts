@@ -93,7 +93,7 @@ for (const rightHanded of [true, false]) {
   });
 }
 
-test("a field tells its bounds, what a picture takes, and what it shows at a point", async () => {
+night("a field tells its bounds, what a picture takes, and what it shows at a point", async () => {
   const container = join(ROOT, "fixtures", "baked", "tiny.rate.mipvog");
   const look = { ...lookAt(container), address: offer(container) };
   const at: [number, number][] = [[0.5, 0.5], [0.55, 0.45], [0.001, 0.001]];
@@ -123,7 +123,7 @@ test("a field tells its bounds, what a picture takes, and what it shows at a poi
   assert.deepEqual(problems, []);
 });
 
-test("a device that was lost gets the field back", async () => {
+night("a device that was lost gets the field back", async () => {
   const container = at("field.mipvog");
   const look = { ...lookAt(container), rightHanded: false, address: offer(container) };
   const [before, after] = await page.evaluate(async (look) => [await window.drawBabylon(look), await window.drawBabylon({ ...look, losesDevice: true })], look);

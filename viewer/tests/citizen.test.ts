@@ -47,7 +47,7 @@ function same([webgl, webgpu]: Picture[][], what = ""): void {
   });
 }
 
-test("opaque and transparent meshes hide a field and are hidden by it, with every kind of depth", async () => {
+night("opaque and transparent meshes hide a field and are hidden by it, with every kind of depth", async () => {
   const told = await page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];
@@ -134,7 +134,7 @@ test("a field casts no shadow and receives none", async () => {
   assert.deepEqual(wrong(), []);
 });
 
-test("fields that overlap are drawn from far to near by their origins, and one is hidden where another's depth is before its own", async () => {
+night("fields that overlap are drawn from far to near by their origins, and one is hidden where another's depth is before its own", async () => {
   const told = await page.evaluate(async ([one, two]) => {
     const { RadianceField, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];
@@ -426,7 +426,7 @@ night("fifty fields come and go without a trace on the device", async () => {
   assert.deepEqual(wrong(), []);
 });
 
-test("fog, clipping planes and opacity do not change a field, and materials of passes leave it out", async () => {
+night("fog, clipping planes and opacity do not change a field, and materials of passes leave it out", async () => {
   const told = await page.evaluate(async (address) => {
     const { ClippingGroup, THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];

@@ -101,7 +101,7 @@ night("an element outside of the page hears no keys and draws nothing, and shows
   await page.close();
 });
 
-test("properties are the attributes, whenever they are set", async () => {
+night("properties are the attributes, whenever they are set", async () => {
   const { page, element, problems } = await open();
   const told = await element.evaluate(async (element) => {
     const names = ["src", "background", "alt"] as const;
@@ -238,7 +238,7 @@ const shown = (page: Page, index = 0) => page.waitForFunction((index) => {
   return element.fields[0]?.finest === 0 && element.stage?.settled;
 }, index);
 
-test("the camera starts where it is told, keeps to its limits, and turns by itself", async () => {
+night("the camera starts where it is told, keeps to its limits, and turns by itself", async () => {
   const { page, problems } = await openMany([{ camera: "3,1,0,0,0,0,50", "distance-limits": "2 3.5", "elevation-limits": "0 45", "disable-pan": "" }]);
   await shown(page);
   const told = await page.evaluate(async () => {
@@ -274,7 +274,7 @@ test("the camera starts where it is told, keeps to its limits, and turns by itse
   await page.close();
 });
 
-test("a page scrolls over an element, whose wheel zooms where a hand or a key says so", async () => {
+night("a page scrolls over an element, whose wheel zooms where a hand or a key says so", async () => {
   const { page, problems } = await openMany([{ tabindex: "-1" }, { "touch-action": "none", "disable-zoom": "" }], "margin-bottom: 1000px");
   await shown(page);
   const state = () => page.evaluate(() => [scrollY, document.querySelector("mipvog-viewer")!.stage!.camera.position.length()]);
@@ -301,7 +301,7 @@ test("a page scrolls over an element, whose wheel zooms where a hand or a key sa
   await page.close();
 });
 
-test("a lazy element waits until it is near, with its poster", async () => {
+night("a lazy element waits until it is near, with its poster", async () => {
   const poster = "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='3' height='2'><rect width='3' height='2' fill='red'/></svg>";
   const { page, problems } = await openMany([{}, { loading: "lazy", poster }], "margin-bottom: 1500px");
   await shown(page);
@@ -330,7 +330,7 @@ night("of more elements than the browser has contexts, each shows its picture, a
   await page.close();
 });
 
-test("children lie over the places that they name", async () => {
+night("children lie over the places that they name", async () => {
   const { page, problems } = await openMany([{ camera: "3,0,0,0,0,0" }]);
   await page.evaluate(() => (document.querySelector("mipvog-viewer")!.innerHTML = '<b data-position="0 0 0">middle</b><b data-position="0, 0.5, 0">above</b><b data-position="9 0 0">behind</b>'));
   await shown(page);

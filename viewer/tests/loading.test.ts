@@ -37,7 +37,7 @@ async function shows(page: Page, level: number): Promise<void> {
   assert.equal(await page.evaluate(() => window.__mipvog.error), null);
 }
 
-test("the first picture needs a twentieth of the file, and every further level makes it better", async () => {
+night("the first picture needs a twentieth of the file, and every further level makes it better", async () => {
   const { page, problems } = await newPage(browser);
   const [view] = views(CAMERAS, 100);
   const reference = join(folder.path, "levels");

@@ -3,7 +3,6 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { test } from "node:test";
 import { chunkBytes, readDirectory, readHeader } from "../src/format/layout.js";
 import { readMetadata, type Triple } from "../src/format/metadata.js";
 import { type DecodedPart, levelChunks, type LevelColors, LevelDecoder, type LevelEntry } from "../src/load/level.js";
@@ -11,7 +10,7 @@ import { plan } from "../src/load/plan.js";
 import { prepareDecoding } from "../src/load/prepare.js";
 import { sweepBoth } from "../src/load/skip.js";
 import { sweepLanes } from "../src/load/sweeps.js";
-import { ROOT } from "./support.js";
+import { night, ROOT } from "./support.js";
 
 /** Containers of codes of one byte and of more, with one group of colours and with several, with inherited blocks and without. */
 const NAMES = ["tiny.rate", "tiny.rate.filled", "tiny.12bit", "tiny.rate.f16", "dvgo.f16", "harmonics", "harmonics.filled", "linear"];
@@ -55,7 +54,7 @@ function measured(from: Uint8Array, [, ny, nz]: Triple): Uint8Array {
   return from.map((_, cell) => Math.min(255, ...empty.map((other) => Math.max(...at(cell).map((place, axis) => Math.abs(place - other[axis]))))));
 }
 
-test("what the device gets is the same without WebAssembly", async () => {
+night("what the device gets is the same without WebAssembly", async () => {
   const plain = NAMES.map(laidOut);
   const swept = COUNTS.map((counts) =>
     SHARES.map((share) => {

@@ -227,7 +227,7 @@ function held(page: Page): Promise<object> {
   });
 }
 
-test("meshes beside a field are lit, and nothing of a file stays on the device after it", async () => {
+night("meshes beside a field are lit, and nothing of a file stays on the device after it", async () => {
   const { page, problems } = await newPage(browser);
   await countTextures(page);
   await page.goto(server.origin);
@@ -302,7 +302,7 @@ test("the plugin in somebody's page leaves what it cannot open, and says so", as
   await page.close();
 });
 
-test("a field is drawn where nobody sees it before it is drawn on the canvas, in the same kind of target", async () => {
+night("a field is drawn where nobody sees it before it is drawn on the canvas, in the same kind of target", async () => {
   const { page } = await newPage(browser);
   await page.addInitScript(() => {
     const { prototype } = WebGL2RenderingContext;
@@ -325,7 +325,7 @@ test("a field is drawn where nobody sees it before it is drawn on the canvas, in
   await page.close();
 });
 
-test("counting samples leaves the renderer as it was", async () => {
+night("counting samples leaves the renderer as it was", async () => {
   const { page } = await newPage(browser);
   await page.goto(server.page("tiny.mipvog", bytes));
   await ready(page);
@@ -339,7 +339,7 @@ test("counting samples leaves the renderer as it was", async () => {
   await page.close();
 });
 
-test("a lost device is told, and the picture comes back with it", async () => {
+night("a lost device is told, and the picture comes back with it", async () => {
   const { page, problems } = await newPage(browser);
   await page.goto(server.page("tiny.mipvog", bytes));
   await ready(page);
@@ -356,7 +356,7 @@ test("a lost device is told, and the picture comes back with it", async () => {
 });
 
 for (const scheme of ["light", "dark"] as const) {
-  (scheme === "dark" ? test : night)(`the page fits 320 pixels and is readable when it is ${scheme}`, async () => {
+  night(`the page fits 320 pixels and is readable when it is ${scheme}`, async () => {
     const { page, problems } = await newPage(browser, { width: 320, height: 480 });
     await page.emulateMedia({ colorScheme: scheme });
     await page.goto(server.page("tiny.mipvog", bytes));

@@ -41,14 +41,15 @@ pub fn stored_activation() -> Worst {
     }
     let nearly = [1e-12, 1e-6, 0.5, 1.0 - 1e-6, 1.0 - 1e-12];
     for (shift, interval) in activations() {
+        let activation = Activation::logits(shift, interval);
         let (shift, interval) = (f64::from(shift), f64::from(interval));
         for raw in raws().map(f64::from) {
             let want = plain::opacity(raw, shift, interval);
             let at = || format!("raw {raw}, shift {shift}, interval {interval}");
-            worst.take(activate::opacity(raw, shift, interval), want, want, &at);
+            worst.take(activation.opacity(raw), want, want, &at);
         }
         for alpha in nearly {
-            let raw = activate::raw_at_opacity(alpha, shift, interval);
+            let raw = activation.raw_at_opacity(alpha);
             let at = || format!("opacity {alpha}, shift {shift}, interval {interval}");
             worst.take(plain::opacity(raw, shift, interval), alpha, alpha, &at);
         }

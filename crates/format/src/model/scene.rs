@@ -49,6 +49,7 @@ impl Activation {
         let (order, function) = (ActivationOrder::Raw, DensityFunction::Relu);
         Self { shift: 0.0, interval, order, function }
     }
+
     /// The raw density of an opacity of 1e-10. Renderers can skip cells whose corners are all at or
     /// below it, and bakes give don't-care nodes at most this value.
     pub fn invisible_raw(&self) -> f32 {
@@ -63,18 +64,46 @@ impl Activation {
         }
     }
 
+    /// The raw density of a density: minus infinity at 0, except with `relu`.
+    pub fn raw(&self, density: f64) -> f64 {
+        match self.function {
+            DensityFunction::Softplus => {
+                activate::inverse_softplus(density) - f64::from(self.shift)
+            }
+            DensityFunction::Relu => density,
+        }
+    }
+
+    /// The raw density of a density as a node stores it: emptiness at 0.
+    pub fn stored_raw(&self, density: f64) -> f32 {
+        self.raw(density).max(self.empty_raw().into()) as f32
+    }
+
     /// Opacity over one interval of a raw density, 0 to 1. Monotone in raw density.
     pub fn opacity(&self, raw: f64) -> f64 {
         -libm::expm1(-self.density(raw) * f64::from(self.interval))
     }
 
     /// The raw density of this opacity over one interval.
+    /// Minus infinity at 0 (0 with `relu`), infinity at 1.
     pub fn raw_at_opacity(&self, opacity: f64) -> f64 {
+        self.raw(-libm::log1p(-opacity) / f64::from(self.interval))
+    }
+
+    /// The raw density at which opacity over one interval is steepest, and the slope there: opacity
+    /// moves by at most this much for each unit of raw density.
+    ///
+    /// With softplus and `s = sigmoid(x)`, the slope is `interval * s * (1 - s)^interval`, which is
+    /// largest at `s = 1 / (1 + interval)`.
+    pub fn steepest(&self) -> (f64, f64) {
+        let (shift, interval) = (f64::from(self.shift), f64::from(self.interval));
         match self.function {
             DensityFunction::Softplus => {
-                activate::raw_at_opacity(opacity, self.shift.into(), self.interval.into())
+                let s = 1.0 / (1.0 + interval);
+                let slope = interval * s * libm::exp(interval * libm::log1p(-s));
+                (-libm::log(interval) - shift, slope)
             }
-            DensityFunction::Relu => -libm::log1p(-opacity) / f64::from(self.interval),
+            DensityFunction::Relu => (0.0, interval),
         }
     }
 
@@ -216,5 +245,38 @@ impl March {
         let found = format!("{}: rays of {samples:.3e} samples", self.stepsize);
         let expected = format!("steps such that a ray takes at most {most}");
         Err(Error::malformed(Place::Key("march.stepsize".to_owned()), found, expected))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thresholds_and_opacities_are_inverse() {
+        for interval in [1e-7, 0.25, 0.5, 1.0, 1e5] {
+            let activation = Activation::logits(-4.6, interval);
+            for target in [1e-12, 1e-6, 1e-3, 0.5, 0.9999] {
+                let back = activation.opacity(activation.raw_at_opacity(target));
+                let error = (back - target).abs();
+                assert!(error <= 1e-12 * target.max(1e-3), "{interval} {target}");
+            }
+        }
+        let activation = Activation::logits(0.0, 0.5);
+        assert_eq!(activation.opacity(-1e30), 0.0);
+        assert_eq!(activation.opacity(1e30), 1.0);
+    }
+
+    #[test]
+    fn no_slope_is_steeper_than_stated() {
+        for interval in [0.01, 0.25, 0.5, 1.0, 4.0] {
+            let activation = Activation::logits(0.3, interval);
+            let slope =
+                |x: f64| (activation.opacity(x + 0.005) - activation.opacity(x - 0.005)) * 100.0;
+            let steepest = (-4000..4000).map(|i| slope(f64::from(i) * 0.01)).fold(0.0, f64::max);
+            let (at, stated) = activation.steepest();
+            assert!(steepest <= stated && steepest > 0.999 * stated, "{steepest} {stated}");
+            assert!(slope(at) > 0.999 * stated, "{interval}: {at}");
+        }
     }
 }

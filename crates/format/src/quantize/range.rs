@@ -149,7 +149,7 @@ fn linear_encoding(
 /// The encoding of raw density.
 fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
     let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
-    let slope = activate::opacity_slope(interval);
+    let (_, slope) = activation.steepest();
     // With x = raw + shift, |raw| <= |x| + |shift|. The slope times |x| is at most 1/e for x > 0,
     // where sigma >= x, and (1 + max(0, ln interval)) / e below.
     let slope_times_value =
@@ -169,10 +169,8 @@ fn raw_density_encoding(bits: Bits, activation: &Activation) -> Encoding {
 
 /// The raw density at which opacity is steepest, and the extent of codes from there.
 fn raw_density_extent(activation: &Activation) -> (f64, f64) {
-    let (shift, interval) = (f64::from(activation.shift), f64::from(activation.interval));
-    // Opacity is steepest at s = 1 / (1 + interval), where x = ln(s / (1 - s)).
-    let center = -libm::log(interval) - shift;
-    let clear = activate::raw_at_opacity(0.9999, shift, interval);
+    let (center, _) = activation.steepest();
+    let clear = activation.raw_at_opacity(0.9999);
     // The lowest code stays above emptiness, which has its own code.
     (center, (center - f64::from(EMPTY_LOGIT) - 2.0).max(clear - center))
 }

@@ -11,10 +11,8 @@ use crate::model::scene::{Activation, ActivationOrder, DensityFunction};
 pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
     let Activation { shift, interval, order, function } = view.activation;
     match (domain, order) {
-        (DensityDomain::Raw, ActivationOrder::Raw) if function == DensityFunction::Softplus => {
-            raw_depth(density, shift, interval)
-        }
-        (DensityDomain::Raw, ActivationOrder::Raw | ActivationOrder::Density) => {
+        (DensityDomain::Raw, ActivationOrder::Raw) => raw_depth(density, shift, interval, function),
+        (DensityDomain::Raw, ActivationOrder::Density) => {
             (density.max(0.0) * interval).min(f32::MAX)
         }
         (DensityDomain::SqrtOpticalDepth, _) => {
@@ -27,10 +25,10 @@ pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
     }
 }
 
-/// The same for raw density with softplus, interpolated before activation.
+/// The same for raw density that was interpolated before activation.
 #[inline(always)]
-pub fn raw_depth(raw: f32, shift: f32, interval: f32) -> f32 {
-    (lanes::softplus(raw + shift) * interval).min(f32::MAX)
+pub fn raw_depth(raw: f32, shift: f32, interval: f32, function: DensityFunction) -> f32 {
+    (lanes::density(raw + shift, function) * interval).min(f32::MAX)
 }
 
 fn opaque_depth(alpha: f32) -> f32 {

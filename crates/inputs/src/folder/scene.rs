@@ -1,7 +1,6 @@
 //! The scene of a folder: a box of cubic voxels, whose nodes hold the opacity of one voxel.
 
 use crate::base::error::{Place, Result};
-use crate::model::activate;
 use crate::model::field::{
     Activation, ActivationOrder, DensityFunction, EMPTY_LOGIT, March, Scene,
 };
@@ -43,7 +42,7 @@ pub fn scene(cells: &CellBox, options: &SourceOptions, place: &Place) -> Result<
 #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
 pub fn raw_density(opacity: f64) -> f32 {
     match opacity > 0.0 {
-        true => activate::raw_at_opacity(opacity.min(OPAQUE), 0.0, 1.0) as f32,
+        true => Activation::logits(0.0, 1.0).raw_at_opacity(opacity.min(OPAQUE)) as f32,
         false => EMPTY_LOGIT,
     }
 }

@@ -8,8 +8,7 @@ use super::world::World;
 use crate::base::error::Result;
 use crate::base::progress::{Progress, Silent};
 use crate::lazy::Lazy;
-use crate::model::activate;
-use crate::model::field::{DensityFunction, Lattice, NodeValues, Scene};
+use crate::model::field::{Activation, Lattice, NodeValues, Scene};
 use crate::model::grid::{Nodes, row};
 use crate::network::{PlaneCache, visit};
 
@@ -35,26 +34,16 @@ pub struct SampledDensity<W> {
 /// Optical depths per world unit as raw densities.
 #[derive(Debug, Clone, Copy)]
 struct RawDensity {
-    function: DensityFunction,
-    shift: f64,
+    activation: Activation,
     /// The activated density for an optical depth of 1 per world unit.
     per_unit: f64,
     /// Upper limit of optical depths per world unit.
     densest: f64,
-    empty: f32,
 }
 
 impl RawDensity {
-    #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn of(self, density: f64) -> f32 {
-        let value = density.min(self.densest) * self.per_unit;
-        match self.function {
-            DensityFunction::Softplus => {
-                let raw = activate::inverse_softplus(value) - self.shift;
-                raw.max(self.empty.into()) as f32
-            }
-            DensityFunction::Relu => value as f32,
-        }
+        self.activation.stored_raw(density.min(self.densest) * self.per_unit)
     }
 }
 
@@ -65,11 +54,9 @@ impl<W: World> SampledDensity<W> {
         let activation = &scene.activation;
         let spacing = lattice.nodes.spacing(&lattice.bounds).into_iter().fold(0.0, f64::max);
         let raw = RawDensity {
-            function: activation.function,
-            shift: f64::from(activation.shift),
+            activation: *activation,
             per_unit: scene.march.interval_length() / f64::from(activation.interval),
             densest: OPAQUE / spacing,
-            empty: activation.empty_raw(),
         };
         let (matter, planes) = (Lazy::default(), PlaneCache::with_archive());
         Self { world, lattice, raw, masked, matter, planes }
@@ -157,7 +144,8 @@ impl<W: World> NodeValues for SampledDensity<W> {
         let Nodes([_, _, nz]) = nodes;
         for (near, out) in near.chunks_exact(words).zip(out.chunks_exact_mut(nz)) {
             for (start, end) in row::gaps(near, nz) {
-                out.get_mut(start..end).unwrap_or_default().fill(self.raw.empty);
+                let empty = self.raw.activation.empty_raw();
+                out.get_mut(start..end).unwrap_or_default().fill(empty);
             }
         }
         Ok(0)

@@ -7,8 +7,7 @@ use super::file::NgpFile;
 use super::frame::Frame;
 use crate::base::error::Result;
 use crate::base::progress::Progress;
-use crate::model::activate;
-use crate::model::field::{EMPTY_LOGIT, NodeValues};
+use crate::model::field::{Activation, EMPTY_LOGIT, NodeValues};
 use crate::model::grid::Nodes;
 use crate::network::{NodeColors, OnNode, visit};
 use crate::packets::{Directions, FieldScratch, LANES, Places};
@@ -86,10 +85,10 @@ impl NodeValues for DensityValues {
         self.0.file.load().map(drop)
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
     fn read(&self, _: usize, x: usize, region: &[u64], out: &mut [f32]) -> Result<u64> {
         let model = self.0.file.load()?;
         out.fill(EMPTY_LOGIT);
+        let activation = Activation::logits(0.0, 1.0);
         let spacing = self.0.spacing();
         let (mut scratch, mut densities) = (FieldScratch::<f32>::default(), Vec::new());
         self.0.for_each(x, region, |nodes, positions| {
@@ -97,9 +96,7 @@ impl NodeValues for DensityValues {
             model.densities(positions, &mut scratch, &mut densities);
             for (&[y, z], density) in nodes.iter().zip(&densities) {
                 if let Some(out) = out.get_mut(y * self.0.side + z) {
-                    let depth = (density * spacing).min(OPAQUE);
-                    let raw = activate::inverse_softplus(depth);
-                    *out = raw.max(EMPTY_LOGIT.into()) as f32;
+                    *out = activation.stored_raw((density * spacing).min(OPAQUE));
                 }
             }
         });

@@ -28,7 +28,7 @@ use crate::base::error::Result;
 use crate::base::lock::lock;
 use crate::base::parallel;
 use crate::model::activate::lanes;
-use crate::model::field::{Activation, DensityFunction};
+use crate::model::field::Activation;
 use crate::model::grid::{NodeMask, Nodes, row};
 
 /// Most nodes along the longest axis of the level on which light is traced.
@@ -137,11 +137,7 @@ impl OpticalDepthGrid {
 fn raw_optical_depths(values: &mut [f32], domain: &AlphaDomain) {
     let Activation { shift, interval, function, .. } = domain.activation;
     for value in values {
-        let density = match function {
-            DensityFunction::Softplus => lanes::softplus(*value + shift),
-            DensityFunction::Relu => value.max(0.0),
-        };
-        let depth = density * interval;
+        let depth = lanes::density(*value + shift, function) * interval;
         // As negligible as in the sweep.
         *value = if depth > NEGLIGIBLE { depth } else { 0.0 };
     }

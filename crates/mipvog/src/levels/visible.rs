@@ -65,8 +65,8 @@ pub struct Visible {
 pub fn raw_threshold(threshold: f32, activation: &Activation) -> f32 {
     let raw = activation.raw_at_opacity(threshold.into());
     let slack = match activation.function {
-        DensityFunction::Softplus => 1e-6 * (raw.abs() + f64::from(activation.shift).abs() + 1.0),
         DensityFunction::Relu => 1e-6 * raw,
+        DensityFunction::Softplus => 1e-6 * (raw.abs() + f64::from(activation.shift).abs() + 1.0),
     };
     (raw - slack) as f32
 }
@@ -245,7 +245,6 @@ fn overlapping_cells(fine: &CellMask, nodes: Nodes) -> Result<CellMask> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::activate;
 
     #[test]
     fn the_threshold_is_never_above_the_exact_one() {
@@ -253,7 +252,7 @@ mod tests {
             for threshold in [1e-9f32, 1e-4, 1e-3, 0.05, 0.9] {
                 let logits = Activation::logits(-4.595_12, interval);
                 let raw = raw_threshold(threshold, &logits);
-                let below = activate::opacity(raw.into(), f64::from(-4.595_12f32), interval.into());
+                let below = logits.opacity(raw.into());
                 assert!(below < f64::from(threshold), "{interval} {threshold}");
                 assert!(below > f64::from(threshold) * 0.9999, "{interval} {threshold}");
             }

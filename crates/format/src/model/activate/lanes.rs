@@ -3,8 +3,10 @@
 //!
 //! Tests bound the errors against the float64 functions of [`crate::model::activate`], over all
 //! finite inputs: 3e-7 relative for [`exp`] (of results above 2e-35) and [`exp2`], 4e-7 relative
-//! for [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13 relative for
-//! [`ln`]; 3e-7 absolute and a rounding of the result for [`log2`].
+//! for [`softplus`], 6e-7 for [`opacity`], 4e-7 absolute for [`sigmoid`]; 1e-13
+//! relative for [`ln`]; 3e-7 absolute and a rounding of the result for [`log2`].
+
+use crate::model::generated::DensityFunction;
 
 /// Adding 1.5 * 2^23 rounds to nearest without a library call, and leaves the integer in the lowest
 /// bits: a conversion would saturate, which compilers do one lane at a time.
@@ -55,6 +57,15 @@ pub fn softplus(x: f32) -> f32 {
     let s = z.max(1e-18) * z.max(1e-18);
     let series = 1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s / 11.0))));
     x.max(0.0) + 2.0 * z * series
+}
+
+/// Density of a raw density, shifted.
+#[inline(always)]
+pub fn density(x: f32, function: DensityFunction) -> f32 {
+    match function {
+        DensityFunction::Softplus => softplus(x),
+        DensityFunction::Relu => x.max(0.0),
+    }
 }
 
 /// `1 - exp(-depth)` of an optical depth from 0: near 0 by its Taylor polynomial, so that faint

@@ -10,7 +10,7 @@ use super::target::{Target, Targets};
 use crate::model::activate::lanes;
 use crate::model::anisotropy::ANISOTROPY;
 use crate::model::camera::Ray;
-use crate::model::field::{Activation, ActivationOrder, DensityFunction};
+use crate::model::field::{Activation, ActivationOrder};
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::Workspace;
 use crate::view::render::{ColorRule, Path, Route, RouteSample, View};
@@ -303,15 +303,13 @@ impl<'a, const C: usize> Rays<'a, C> {
     fn finest_depths(&self, density: &[f32; PACKET]) -> [f32; PACKET] {
         let Activation { shift, interval, order, function } = self.view.activation;
         let mut depths = *density;
-        match (order, function) {
-            (ActivationOrder::Raw, DensityFunction::Softplus) => {
-                depths.iter_mut().for_each(|at| *at = lanes::softplus(*at + shift) * interval);
+        match order {
+            ActivationOrder::Raw => {
+                let depth = |at| lanes::density(at + shift, function) * interval;
+                depths.iter_mut().for_each(|at| *at = depth(*at));
             }
-            (ActivationOrder::Raw, DensityFunction::Relu) => {
-                depths.iter_mut().for_each(|at| *at = at.max(0.0) * interval);
-            }
-            (ActivationOrder::Density, _) => depths.iter_mut().for_each(|at| *at *= interval),
-            (ActivationOrder::Opacity, _) => {
+            ActivationOrder::Density => depths.iter_mut().for_each(|at| *at *= interval),
+            ActivationOrder::Opacity => {
                 depths.iter_mut().for_each(|at| *at = -libm::log1pf(-at.min(1.0 - f32::EPSILON)));
             }
         }

@@ -5,9 +5,8 @@ use std::sync::Arc;
 use crate::base::error::Result;
 use crate::base::progress::Progress;
 use crate::container::EncodedLevel;
-use crate::model::activate;
 use crate::model::baked::{BakedLevel, DensityDomain, GROUPS, Group, LevelMetadata, Metadata};
-use crate::model::field::{Activation, DensityFunction, Grid, Lattice, NodeValues, RadianceField};
+use crate::model::field::{Activation, Grid, Lattice, NodeValues, RadianceField};
 use crate::model::grid::{Bounds, NodeMask, Nodes, row};
 use crate::quantize::FrameShape;
 use crate::unpacked::fill_plane;
@@ -75,13 +74,7 @@ impl InnerLevel {
             DensityDomain::SqrtOpticalDepth => f64::from(stored) * f64::from(stored),
             DensityDomain::Opacity => -libm::log1p(-f64::from(stored).min(1.0 - 1e-7)),
         };
-        let Activation { shift, interval, function, .. } = self.activation;
-        let density = depth / f64::from(interval);
-        let raw = match function {
-            DensityFunction::Relu => density,
-            DensityFunction::Softplus => activate::inverse_softplus(density) - f64::from(shift),
-        };
-        (raw as f32).max(self.activation.empty_raw())
+        self.activation.stored_raw(depth / f64::from(self.activation.interval))
     }
 
     /// One plane of a channel.

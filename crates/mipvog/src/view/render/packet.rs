@@ -272,19 +272,24 @@ struct Composited {
 /// Optical depths over one interval of interpolated densities.
 fn optical_depths(density: &[f32; PACKET], domain: DensityDomain, view: &View) -> [f32; PACKET] {
     let Activation { shift, interval, order, function } = view.activation;
-    match (domain, order, function) {
-        (DensityDomain::Raw, ActivationOrder::Raw, DensityFunction::Softplus) => {
-            raw_depths(density, shift, interval)
+    match (domain, order) {
+        (DensityDomain::Raw, ActivationOrder::Raw) => {
+            raw_depths(density, shift, interval, function)
         }
         _ => density.map(|density| optical_depth(density, domain, view)),
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn raw_depths(raw: &[f32; PACKET], shift: f32, interval: f32) -> [f32; PACKET] {
+fn raw_depths(
+    raw: &[f32; PACKET],
+    shift: f32,
+    interval: f32,
+    function: DensityFunction,
+) -> [f32; PACKET] {
     let mut depths = [0.0f32; PACKET];
     for (depth, &raw) in depths.iter_mut().zip(raw) {
-        *depth = raw_depth(raw, shift, interval);
+        *depth = raw_depth(raw, shift, interval, function);
     }
     depths
 }

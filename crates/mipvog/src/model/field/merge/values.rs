@@ -5,8 +5,7 @@ use std::sync::Arc;
 use super::part::Part;
 use crate::base::error::Result;
 use crate::base::progress::Progress;
-use crate::model::activate;
-use crate::model::field::{Activation, DensityFunction, Grid, NodeValues};
+use crate::model::field::{Activation, Grid, NodeValues};
 use crate::model::grid::Nodes;
 
 /// Minimum weight of a colour, as an optical depth, so that nodes without a visible field have a
@@ -73,16 +72,7 @@ impl Sum {
 impl Merged {
     /// The raw density of an optical depth per world unit.
     fn raw(&self, depth: f64) -> f32 {
-        let Activation { shift, function, .. } = self.activation;
-        let density = depth / self.depth_of_density;
-        let empty = self.activation.empty_raw();
-        match function {
-            DensityFunction::Relu => density as f32,
-            DensityFunction::Softplus if density > 0.0 => {
-                ((activate::inverse_softplus(density) - f64::from(shift)) as f32).max(empty)
-            }
-            DensityFunction::Softplus => empty,
-        }
+        self.activation.stored_raw(depth / self.depth_of_density)
     }
 
     /// For each node of the part, calls `add` with its index in plane `x`, its index in the part's
