@@ -13,6 +13,7 @@ import * as viteMiddle from "vite-middle";
 import * as viteOldest from "vite-oldest";
 import type {} from "../src/element.js";
 import { withDraco, withKtx2, withMeshopt } from "./compressed.js";
+import { npm, packed, showsAt } from "./installed.js";
 import { CountingServer, launch, newPage, night, openOther, program, psnr, ROOT, temporaryFolder } from "./support.js";
 
 /** Below `viewer/`, so that three.js and the frameworks are found there. */
@@ -24,10 +25,8 @@ let browser: Browser;
 before(async () => {
   rmSync(USER, { recursive: true, force: true });
   mkdirSync(USER, { recursive: true });
-  const npm = (folder: string, ...parameters: string[]) => execFileSync("npm", parameters, { cwd: folder, encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
-  npm(process.cwd(), "pack", "--pack-destination", USER);
+  const tarball = packed(USER);
   writeFileSync(join(USER, "package.json"), '{ "private": true, "type": "module" }');
-  const tarball = readdirSync(USER).find((name) => name.endsWith(".tgz"))!;
   // What else it needs is installed already, so that nothing is fetched.
   npm(USER, "install", "--offline", "--legacy-peer-deps", "--no-audit", "--no-fund", `./${tarball}`);
   cpSync("examples", USER, { recursive: true });
@@ -55,18 +54,6 @@ async function serve(page: Page, folder: string, headers: Record<string, string>
   return "http://user.test";
 }
 
-/** How many colours the page shows. */
-async function colors(page: Page): Promise<number> {
-  const data = (await page.screenshot()).toString("base64");
-  return page.evaluate(async (data) => {
-    const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
-    const picture = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
-    const context = new OffscreenCanvas(picture.width, picture.height).getContext("2d")!;
-    context.drawImage(picture, 0, 0);
-    return new Set(new Uint32Array(context.getImageData(0, 0, picture.width, picture.height).data.buffer)).size;
-  }, data);
-}
-
 async function shows(folder: string, name: string, headers?: Record<string, string>): Promise<void> {
   const { page, problems } = await newPage(browser, { width: 300, height: 200 });
   const asked: string[] = [];
@@ -75,16 +62,6 @@ async function shows(folder: string, name: string, headers?: Record<string, stri
   // Nothing is asked for twice, but what every worker starts from.
   const twice = asked.filter((path, at) => asked.indexOf(path) !== at && !path.includes("worker"));
   assert.deepEqual(twice, [], name);
-}
-
-/** Waits for a picture; nothing that has gone wrong speaks of `trouble`. */
-async function showsAt(page: Page, problems: string[], name: string, trouble: string): Promise<void> {
-  await page.goto(name);
-  const end = Date.now() + 60_000;
-  while ((await colors(page)) < 100) assert.ok(Date.now() < end, `${name} shows nothing: ${problems}`);
-  // Warnings are the frameworks' own, of their habits and of slow machines.
-  assert.deepEqual(problems.filter((problem) => problem.includes(trouble)), [], name);
-  await page.close();
 }
 
 test("the tarball holds the licence, and nothing that it needs but the frameworks", () => {
