@@ -274,6 +274,11 @@ impl RowArray {
         Ok(())
     }
 
+    /// Reads consecutive rows, starting at one of them.
+    pub(super) fn rows_from(&self, first: u64, out: &mut [u8]) -> Result<()> {
+        self.storage()?.read_into(first * self.row_bytes() as u64, out)
+    }
+
     /// Copies rows to their places in `out`. `wanted` holds row numbers, below [`Self::rows`]; this
     /// sorts it. Returns the bytes that were read.
     pub(super) fn gather(&self, wanted: &mut [(u32, u32)], out: &mut [u8]) -> Result<u64> {

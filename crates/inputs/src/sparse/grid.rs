@@ -109,6 +109,13 @@ impl RowGrid {
     }
 }
 
+/// Workspace of weighted sums.
+#[derive(Debug, Default)]
+struct WeightedSums {
+    total: Vec<f32>,
+    values: Vec<f32>,
+}
+
 impl NodeValues for RowGrid {
     fn nodes(&self) -> Nodes {
         Nodes(self.index.nodes().0.map(|size| size + 2 * self.border))
@@ -169,18 +176,9 @@ impl NodeValues for RowGrid {
         }
         let inner = x.saturating_sub(self.border).min(nx - 1);
         let bytes = self.slabs.with_plane(&self.index, &self.array, inner, |plane| {
-            let values = self.values(channel, plane);
-            // Nodes ascend, so rows end one after the other.
-            let (mut row_end, mut shift) = (nz, self.border * outer_nz + self.border);
-            for (&node, value) in plane.nodes.iter().zip(values) {
-                let node = node as usize;
-                while node >= row_end {
-                    row_end += nz;
-                    shift += outer_nz - nz;
-                }
-                if let Some(out) = out.get_mut(node + shift) {
-                    *out = channel.value(value);
-                }
+            match plane.is_full && self.border == 0 {
+                true => self.read_runs(channel, plane, region, out),
+                false => self.read_all(channel, plane, out),
             }
         })?;
         if self.border > 0 {
@@ -191,18 +189,58 @@ impl NodeValues for RowGrid {
 }
 
 impl RowGrid {
-    /// The weighted sums of a channel, of all rows of a plane.
-    fn values(&self, channel: &Channel, plane: &Plane) -> Vec<f32> {
-        let (mut sums, mut values) = (Vec::new(), Vec::new());
-        for (column, &weight) in (channel.first..).zip(&channel.weights) {
-            let out = if sums.is_empty() { &mut sums } else { &mut values };
-            self.slabs.column(&self.array, plane, column, out);
+    /// The values of a plane at the nodes of a region, where every node has a row.
+    fn read_runs(&self, channel: &Channel, plane: &Plane, region: &[u64], out: &mut [f32]) {
+        let Nodes([_, _, nz]) = self.index.nodes();
+        let size = self.array.row_bytes();
+        let mut sums = WeightedSums::default();
+        let rows = plane.rows.chunks_exact(nz * size).zip(out.chunks_exact_mut(nz));
+        for (region, (rows, out)) in region.chunks_exact(nz.div_ceil(64)).zip(rows) {
+            for (start, end) in row::runs(region) {
+                let rows = rows.get(start * size..end * size).unwrap_or_default();
+                let out = out.get_mut(start..end).unwrap_or_default();
+                for (out, value) in out.iter_mut().zip(self.values(channel, rows, &mut sums)) {
+                    *out = channel.value(*value);
+                }
+            }
+        }
+    }
+
+    /// The values of a plane at all nodes that have a row.
+    fn read_all(&self, channel: &Channel, plane: &Plane, out: &mut [f32]) {
+        let Nodes([_, ny, nz]) = self.index.nodes();
+        let Nodes([_, _, outer_nz]) = self.nodes();
+        let mut sums = WeightedSums::default();
+        let values = self.values(channel, &plane.rows, &mut sums);
+        let all = 0..if plane.is_full { ny * nz } else { 0 };
+        let nodes = plane.nodes.iter().map(|node| *node as usize).chain(all);
+        // Nodes ascend, so rows end one after the other.
+        let (mut row_end, mut shift) = (nz, self.border * outer_nz + self.border);
+        for (node, value) in nodes.zip(values) {
+            while node >= row_end {
+                row_end += nz;
+                shift += outer_nz - nz;
+            }
+            if let Some(out) = out.get_mut(node + shift) {
+                *out = channel.value(*value);
+            }
+        }
+    }
+
+    /// The weighted sums of a channel, of these rows.
+    fn values<'a>(&self, channel: &Channel, rows: &[u8], sums: &'a mut WeightedSums) -> &'a [f32] {
+        let WeightedSums { total, values } = sums;
+        for (number, (column, &weight)) in (channel.first..).zip(&channel.weights).enumerate() {
+            let out = if number == 0 { &mut *total } else { &mut *values };
+            self.slabs.column(&self.array, rows, column, out);
             if weight != 1.0 {
                 out.iter_mut().for_each(|value| *value *= weight);
             }
-            sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
+            if number > 0 {
+                total.iter_mut().zip(&*values).for_each(|(sum, value)| *sum += value);
+            }
         }
-        sums
+        total
     }
 
     /// Copies the outermost nodes of the index's plane to the border around it.

@@ -140,6 +140,11 @@ impl Index {
         self.nodes
     }
 
+    /// True if each node has the row of its own number.
+    pub(super) fn is_dense(&self) -> bool {
+        matches!(self.rule, Rule::Dense)
+    }
+
     /// The rows of plane `x`, z fastest; [`NO_ROW`] for none.
     ///
     /// # Errors

@@ -20,9 +20,11 @@ const KEPT_BYTES: u64 = 160 << 20;
 /// The rows of the nodes of one plane.
 #[derive(Debug, Default)]
 pub(super) struct Plane {
-    /// Nodes that have a row, ascending, `y * nz + z`.
+    /// Nodes that have a row, ascending, `y * nz + z`; empty if `is_full`.
     pub(super) nodes: Vec<u32>,
-    /// Their rows as stored.
+    /// True if every node has a row.
+    pub(super) is_full: bool,
+    /// The rows as stored, in the order of nodes.
     pub(super) rows: Vec<u8>,
 }
 
@@ -64,6 +66,7 @@ pub(super) struct Slabs {
 impl Slabs {
     pub(super) fn new(index: &Index, array: &RowArray, dilates: bool) -> Self {
         let [_, ny, nz] = index.nodes().0;
+        let dilates = dilates && !index.is_dense();
         // Dilated rows are float32.
         let row_bytes = if dilates { 4 * array.width() } else { array.row_bytes() };
         let plane_bytes = (ny * nz).saturating_mul(row_bytes + 4).max(1);
@@ -72,17 +75,11 @@ impl Slabs {
         Self { planes, plane_bytes, dilates, kept: Mutex::default() }
     }
 
-    /// The values of a column of a plane.
-    pub(super) fn column(
-        &self,
-        array: &RowArray,
-        plane: &Plane,
-        column: usize,
-        out: &mut Vec<f32>,
-    ) {
+    /// The values of a column of a plane's rows.
+    pub(super) fn column(&self, array: &RowArray, rows: &[u8], column: usize, out: &mut Vec<f32>) {
         match self.dilates {
-            true => Element::F32.decode_column(&plane.rows, 4 * array.width(), 4 * column, out),
-            false => array.decode_column(column, &plane.rows, out),
+            true => Element::F32.decode_column(rows, 4 * array.width(), 4 * column, out),
+            false => array.decode_column(column, rows, out),
         }
     }
 
@@ -171,6 +168,9 @@ impl Slabs {
 
 /// The rows of consecutive planes, and the bytes that were read.
 fn planes(index: &Index, array: &RowArray, range: Range<usize>) -> Result<(Vec<Plane>, u64)> {
+    if index.is_dense() {
+        return full_planes(index, array, range);
+    }
     let (mut planes, mut rows) = (Vec::new(), Vec::new());
     let mut wanted: Vec<(u32, u32)> = Vec::new();
     for x in range {
@@ -181,7 +181,7 @@ fn planes(index: &Index, array: &RowArray, range: Range<usize>) -> Result<(Vec<P
             // Fewer than 2^32: a slab has as many nodes at most.
             wanted.push((row, u32::try_from(wanted.len()).unwrap_or(NO_ROW)));
         }
-        planes.push(Plane { nodes, rows: Vec::new() });
+        planes.push(Plane { nodes, ..Plane::default() });
     }
     let size = array.row_bytes();
     let mut bytes = vec![0; wanted.len() * size];
@@ -192,6 +192,20 @@ fn planes(index: &Index, array: &RowArray, range: Range<usize>) -> Result<(Vec<P
         plane.rows = own.to_vec();
         rest = left;
     }
+    Ok((planes, read))
+}
+
+/// The same where each node has a row, in order.
+fn full_planes(index: &Index, array: &RowArray, range: Range<usize>) -> Result<(Vec<Plane>, u64)> {
+    let [_, ny, nz] = index.nodes().0;
+    let mut read = 0;
+    let planes = range.map(|x| {
+        let mut rows = vec![0; ny * nz * array.row_bytes()];
+        array.rows_from((x * ny * nz) as u64, &mut rows)?;
+        read += rows.len() as u64;
+        Ok(Plane { is_full: true, rows, ..Plane::default() })
+    });
+    let planes = planes.collect::<Result<_>>()?;
     Ok((planes, read))
 }
 

@@ -69,6 +69,9 @@ impl InnerLevel {
 
     /// A stored density as raw density.
     fn raw(&self, stored: f32) -> f32 {
+        if self.metadata.density_domain() != DensityDomain::Raw && stored == 0.0 {
+            return self.activation.empty_raw();
+        }
         let depth = match self.metadata.density_domain() {
             DensityDomain::Raw => return stored,
             DensityDomain::SqrtOpticalDepth => f64::from(stored) * f64::from(stored),
@@ -87,21 +90,26 @@ impl InnerLevel {
         plane
     }
 
-    /// Values of a channel at places along the axes of its box, `0..=1`, on one plane.
+    /// Values of a channel at places along the axes of its box, `0..=1`, on one plane. Places are
+    /// passed over if `is_wanted` does not ask for them.
     fn read(
         &self,
         channel: usize,
         x: f64,
         [ys, zs]: [&[f64]; 2],
+        is_wanted: impl Fn(usize, usize) -> bool,
         mut out: impl FnMut(usize, usize, f32),
     ) {
         let Nodes([nx, ny, nz]) = self.nodes();
         let (low, share) = split(x, nx);
         let planes = [self.plane(channel, low), self.plane(channel, low + 1)];
+        let columns: Vec<_> = zs.iter().map(|&z| split(z, nz)).collect();
         for (j, &y) in ys.iter().enumerate() {
             let (row, up) = split(y, ny);
-            for (k, &z) in zs.iter().enumerate() {
-                let (column, across) = split(z, nz);
+            for (k, &(column, across)) in columns.iter().enumerate() {
+                if !is_wanted(j, k) {
+                    continue;
+                }
                 let at = |plane: &[f32], y: usize| {
                     let pair = &plane[(row + y) * nz + column..][..2];
                     pair[0] + (pair[1] - pair[0]) * across
@@ -231,6 +239,10 @@ impl NodeValues for WithInner {
             self.first + channel,
             place(0, x),
             [&at_rows, &at_columns],
+            |j, k| {
+                let z = zs.start + k;
+                region[rows[j] * words + z / 64] >> (z % 64) & 1 == 1
+            },
             |j, k, value| {
                 if let Some(out) = out.get_mut(rows[j] * nz + zs.start + k) {
                     *out = value;
