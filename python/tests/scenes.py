@@ -1,6 +1,12 @@
 """Small scenes that the tests share."""
 
+import os
+
 import numpy as np
+import pytest
+
+# Marks tests that take long: `.ci/night` runs them, the gate leaves them out.
+night = pytest.mark.skipif("MIPVOG_NIGHT" not in os.environ, reason="MIPVOG_NIGHT is not set")
 
 
 def ball(nodes=24):

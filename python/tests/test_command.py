@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from scenes import night
+
 import mipvog_bake
 from mipvog_bake import nerfstudio as command
 
@@ -22,6 +24,7 @@ def test_the_command_says_what_it_misses(tmp_path, monkeypatch, capsys):
     assert not output.exists()
 
 
+@night
 def test_the_example_of_numpy_runs(tmp_path):
     output = tmp_path / "ball.mipvog"
     words = [sys.executable, EXAMPLES / "from_numpy.py", output]

@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scenes import camera, psnr
+from scenes import camera, night, psnr
 
 import mipvog_bake
 
@@ -54,6 +54,7 @@ def marched(matrix, size, steps=400):
     return image.reshape(size, size, 3)
 
 
+@night
 def test_a_closed_form_looks_like_itself(tmp_path):
     field = mipvog_bake.from_model(density, color, bounds=BOX, resolution=128)
     report = mipvog_bake.bake(field, tmp_path / "ball.mipvog")
@@ -82,6 +83,7 @@ def test_only_occupied_cells_are_sampled():
     assert inside["density"].tolist() == [50, 0]
 
 
+@night
 def test_memory_is_bounded_and_refused_where_it_is_too_little(tmp_path):
     bound = 96 << 20
     tracemalloc.start()
