@@ -205,10 +205,7 @@ impl ViewMlp {
         let is_last = self.layers.len() == 1;
         let mut values = Vec::with_capacity(layer.bias.len());
         for (row, weights) in layer.weights.chunks_exact(layer.inputs).enumerate() {
-            let own = |accumulated: &&[f32]| -> f32 {
-                let pairs = weights[embedding..].iter().zip(&accumulated[skipped..]);
-                pairs.map(|(weight, value)| weight * value).sum()
-            };
+            let own = |accumulated: &&[f32]| dot(&weights[embedding..], &accumulated[skipped..]);
             let mut lanes = [0.0f32; RAYS];
             match accumulated {
                 [all] => lanes.fill(own(all)),

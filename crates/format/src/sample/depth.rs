@@ -1,5 +1,7 @@
 //! Converts interpolated density to optical depth.
 
+use multiversion::multiversion;
+
 use super::view::View;
 use crate::model::activate::lanes;
 use crate::model::baked::DensityDomain;
@@ -23,6 +25,20 @@ pub fn optical_depth(density: f32, domain: DensityDomain, view: &View) -> f32 {
             opaque_depth(density) * view.depth_scale
         }
     }
+}
+
+/// Replaces interpolated densities by their [`optical_depth`].
+pub fn optical_depths(densities: &mut [f32], domain: DensityDomain, view: &View) {
+    let Activation { shift, interval, order, function } = view.activation;
+    if (domain, order) == (DensityDomain::Raw, ActivationOrder::Raw) {
+        return raw_depths(densities, shift, interval, function);
+    }
+    densities.iter_mut().for_each(|density| *density = optical_depth(*density, domain, view));
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn raw_depths(raw: &mut [f32], shift: f32, interval: f32, function: DensityFunction) {
+    raw.iter_mut().for_each(|raw| *raw = raw_depth(*raw, shift, interval, function));
 }
 
 /// The same for raw density that was interpolated before activation.

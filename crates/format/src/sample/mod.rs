@@ -23,7 +23,7 @@ mod view;
 pub use depth::{optical_depth, raw_depth};
 pub use field::SampleLevels;
 pub use level::{Cell, Values, interpolated_density, split};
-pub use point::{Sample, brightness, depth, is_sampled, on_faces, sample_at, world_of};
+pub use point::{Sample, brightness, depth, depths, is_sampled, on_faces, sample_at, world_of};
 pub use sampler::{Sampler, check_level};
 pub use skip::{CellPlace, Macro, OccupiedMacroCells, SkipGrid};
 pub use sparse::Sparse;

@@ -1,6 +1,6 @@
 //! A field's values at points of the world.
 
-use super::depth::optical_depth;
+use super::depth::{optical_depth, optical_depths};
 use super::field::SampleLevels;
 use super::view::View;
 use crate::model::activate::lanes;
@@ -79,6 +79,34 @@ pub fn depth<const C: usize>(
         let density = values.density(owner, &cell, &[0.0; ANISOTROPY]);
         values.depth_scale(owner) * optical_depth(density, values.density_domain(owner), view)
     })
+}
+
+/// As [`depth`], at many places: activations are computed several at once.
+pub fn depths<const C: usize>(
+    view: &View,
+    values: &impl SampleLevels<C>,
+    shares: &[[f64; 3]],
+    level: usize,
+) -> Vec<f32> {
+    if !view.boxes.is_empty() {
+        // Each box has its own level, and its own meaning of densities.
+        return shares.iter().map(|&share| depth(view, values, share, level)).collect();
+    }
+    let part = values.part(level, 0);
+    let owner = if values.density_level(part) { part } else { 0 };
+    let mut stored = Vec::with_capacity(shares.len());
+    let densities = shares.iter().map(|&share| {
+        let cell = values.locate(owner, share);
+        stored.push(cell.is_some());
+        cell.map_or(0.0, |cell| values.density(owner, &cell, &[0.0; ANISOTROPY]))
+    });
+    let mut depths: Vec<f32> = densities.collect();
+    optical_depths(&mut depths, values.density_domain(owner), view);
+    let scale = values.depth_scale(owner);
+    for (depth, stored) in depths.iter_mut().zip(stored) {
+        *depth = if stored { scale * *depth } else { 0.0 };
+    }
+    depths
 }
 
 /// The values at a position and its place in shares of the box, interpolated in one level.

@@ -21,6 +21,9 @@ pub struct View {
     pub activation: Activation,
     /// Steps along a ray.
     pub march: March,
+    /// World units from a ray's origin after which it has no samples. `None`: up to the end of the
+    /// box.
+    pub reach: Option<f64>,
     /// Colour behind the field.
     pub background: [f32; 3],
     /// Factor from stored optical depths to those over one interval.
@@ -58,6 +61,7 @@ impl View {
             nodes: metadata.levels[0].grid().nodes,
             activation: metadata.activation,
             march: metadata.march,
+            reach: None,
             background: metadata.background,
             depth_scale: 1.0,
             blend: metadata.blend,

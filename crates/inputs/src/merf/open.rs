@@ -45,6 +45,11 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
     }
 }
 
+/// Nodes along an edge of the first box up to which it gets a third more than the model has. Around
+/// the core, a model interpolates before it activates, and boxes afterwards: at the model's own nodes,
+/// pictures are 3 dB farther away.
+const SMALL: usize = 257;
+
 /// All of space, in nested boxes.
 fn whole(
     mut source: Source,
@@ -59,7 +64,11 @@ fn whole(
     let extent = options.extent.map_or(1.0 / voxel, f64::from);
     let first = match options.resolution {
         Some(nodes) => nested::even(middle, nodes, extent),
-        None => nested::aligned(middle, [LOW + 0.5 * voxel; 3], [voxel; 3], extent),
+        None => {
+            let own = nested::aligned(middle, [LOW + 0.5 * voxel; 3], [voxel; 3], extent);
+            let [nodes, ..] = own.nodes.0;
+            if nodes > SMALL { own } else { nested::even(middle, nodes * 4 / 3, extent) }
+        }
     };
     let place = Place::Key("resolution".to_owned());
     let lattices = nested::boxes(first, middle, extent, limits, &place)?;

@@ -3,8 +3,8 @@
 //! Box 0 is the inner box, and each next one is twice as large with twice the node distance, so all
 //! have the same number of nodes. Nodes of box 0 are corners of the octree's cells of one level.
 //! That level is the finest at which the boxes have at most [`MOST_CELLS`] times as many cells in
-//! voxels as there are voxels, and [`MOST_NODES`] along an edge: larger voxels span many cells, and
-//! smaller ones are averaged.
+//! voxels as there are voxels (small models [`SMALL`]), and [`MOST_NODES`] along an edge: larger
+//! voxels span many cells, and smaller ones are averaged.
 
 use super::octree::{Cube, LEVELS, SIDE};
 use crate::base::error::{Error, Place, Result};
@@ -16,6 +16,8 @@ use super::settings::Settings;
 
 /// Maximum ratio of cells in voxels to voxels.
 const MOST_CELLS: f64 = 16.0;
+/// Cells in voxels that every model may have: a bake of as many takes a second.
+const SMALL: f64 = 1e6;
 /// Default maximum of nodes along an edge: a bake of twice as many needs four times the memory,
 /// which is 10 GB for harmonics of degree 3.
 const MOST_NODES: u64 = 513;
@@ -146,7 +148,7 @@ impl Plan {
         limits: &Limits,
     ) -> Result<Self> {
         let counts = Counts::new(cubes, doublings);
-        let most = MOST_CELLS * cubes.len() as f64;
+        let most = (MOST_CELLS * cubes.len() as f64).max(SMALL);
         let (least, finest) = (doublings + 1, counts.finest().clamp(doublings + 1, LEVELS));
         let fits = |level: &u32| {
             let nodes = (1u64 << (level - doublings)) + 1;
@@ -221,9 +223,11 @@ mod tests {
 
     #[test]
     fn many_cells_make_nodes_coarser() {
-        let mut cubes = vec![cube([0; 3], 1); 40];
-        cubes.push(cube([63; 3], 6));
+        // Eight voxels of level 1 are 2^24 cells of level 8, of level 6 2^18.
+        let mut cubes: Vec<Cube> =
+            (0..8).map(|at| cube([at >> 2 & 1, at >> 1 & 1, at & 1], 1)).collect();
+        cubes.push(cube([255; 3], 8));
         let plan = Plan::new(&cubes, 0, 1.0, None, &Limits::default()).expect("a plan");
-        assert_eq!((plan.boxes[0].nodes, plan.averaged), (5, 1));
+        assert_eq!((plan.boxes[0].nodes, plan.averaged), (65, 1));
     }
 }

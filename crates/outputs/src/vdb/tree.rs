@@ -6,6 +6,9 @@
 use std::collections::BTreeMap;
 
 use half::f16;
+use miniz_oxide::DataFormat;
+use miniz_oxide::deflate::CompressionLevel;
+use miniz_oxide::deflate::core::{CompressorOxide, TDEFLFlush, TDEFLStatus, compress};
 
 use crate::base::error::Result;
 use crate::base::parallel;
@@ -16,8 +19,10 @@ use crate::volume::{Leaf, LeafMask, points};
 const ROOT_CHILD: usize = 12;
 /// Inactive values are all the background.
 const BACKGROUND: u8 = 0;
-/// The compressor's level: the slowest makes the smallest files.
-const LEVEL: u8 = 10;
+/// Half floats compress little: slower levels save less than a hundredth.
+const LEVEL: CompressionLevel = CompressionLevel::BestSpeed;
+/// Leaves for which a compressor is made: its tables are larger than they are.
+const PER_COMPRESSOR: usize = 32;
 
 /// The leaves below each child of a node, by the child's place.
 type Children<'a> = BTreeMap<usize, Vec<&'a (&'a Leaf, LeafMask)>>;
@@ -99,31 +104,39 @@ impl<'a> Ordered<'a> {
 
     /// The values of the leaves from `first` on, at most `count` of them, one after the other.
     pub fn values(&self, content: &GridContent, first: usize, count: usize) -> Result<Vec<u8>> {
-        let end = (first + count).min(self.leaves.len());
-        let leaves = parallel::map(end.saturating_sub(first), |number| {
-            let (leaf, mask) = &self.leaves[first + number];
-            let mut plain = Vec::new();
-            for point in points(mask) {
-                for number in (content.value)(leaf, point).into_iter().take(content.width) {
-                    match content.half {
-                        true => plain.extend(f16::to_le_bytes(finite_half(number))),
-                        false => plain.extend(number.to_le_bytes()),
+        let leaves = &self.leaves[first..(first + count).min(self.leaves.len())];
+        let parts: Vec<_> = leaves.chunks(PER_COMPRESSOR).collect();
+        let parts = parallel::map(parts.len(), |number| {
+            let mut compressor = CompressorOxide::with_format_and_level(DataFormat::Zlib, LEVEL);
+            let (mut bytes, mut plain, mut packed) = (Vec::new(), Vec::new(), Vec::new());
+            for (leaf, mask) in parts[number] {
+                plain.clear();
+                for point in points(mask) {
+                    for number in (content.value)(leaf, point).into_iter().take(content.width) {
+                        match content.half {
+                            true => plain.extend(f16::to_le_bytes(finite_half(number))),
+                            false => plain.extend(number.to_le_bytes()),
+                        }
+                    }
+                }
+                bytes.extend(mask.iter().flat_map(|word| word.to_le_bytes()));
+                bytes.push(BACKGROUND);
+                packed.resize(plain.len(), 0);
+                compressor.reset();
+                match compress(&mut compressor, &plain, &mut packed, TDEFLFlush::Finish) {
+                    (TDEFLStatus::Done, _, length) if length < plain.len() => {
+                        bytes.extend((length as i64).to_le_bytes());
+                        bytes.extend(&packed[..length]);
+                    }
+                    _ => {
+                        bytes.extend((-(plain.len() as i64)).to_le_bytes());
+                        bytes.extend(&plain);
                     }
                 }
             }
-            let mut bytes: Vec<u8> = mask.iter().flat_map(|word| word.to_le_bytes()).collect();
-            bytes.push(BACKGROUND);
-            let packed = miniz_oxide::deflate::compress_to_vec_zlib(&plain, LEVEL);
-            if packed.len() < plain.len() {
-                bytes.extend((packed.len() as i64).to_le_bytes());
-                bytes.extend(packed);
-            } else {
-                bytes.extend((-(plain.len() as i64)).to_le_bytes());
-                bytes.extend(plain);
-            }
             Ok(bytes)
         })?;
-        Ok(leaves.concat())
+        Ok(parts.concat())
     }
 
     /// Leaves.

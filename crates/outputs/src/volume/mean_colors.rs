@@ -4,13 +4,11 @@
 //! nodes that are occupied or have an occupied neighbour, and colours are interpolated between
 //! nodes.
 
-use std::collections::HashMap;
-
 use crate::base::error::{Error, Result};
 use crate::base::parallel;
 use crate::base::progress::Progress;
 use crate::model::grid::Nodes;
-use crate::view::render::{BEFORE, Directions, Renderer};
+use crate::view::render::{Directions, Renderer};
 
 /// Nodes along the edge of a block of colours. Densities around a block are computed per block, so
 /// small blocks compute most of them several times.
@@ -24,7 +22,10 @@ type Block = Vec<[f32; 4]>;
 #[derive(Debug)]
 pub struct MeanColors {
     nodes: Nodes,
-    blocks: HashMap<[usize; 3], Block>,
+    /// Blocks along each axis.
+    counts: [usize; 3],
+    /// All blocks, x slowest; empty ones are `None`.
+    blocks: Vec<Option<Block>>,
 }
 
 impl MeanColors {
@@ -42,7 +43,7 @@ impl MeanColors {
         directions: &Directions,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let reach = Nearby::reach(field, nodes);
+        let surroundings = Surroundings::new(directions, nodes);
         let counts = nodes.0.map(|size| size.div_ceil(EDGE));
         let share = |at: [usize; 3]| -> [f64; 3] {
             std::array::from_fn(|axis| at[axis] as f64 / (nodes.0[axis] - 1) as f64)
@@ -51,8 +52,7 @@ impl MeanColors {
             if progress.cancelled() {
                 return Err(Error::cancelled());
             }
-            let at = [number / counts[2] / counts[1], number / counts[2] % counts[1], number];
-            let at = [at[0], at[1], at[2] % counts[2]];
+            let at = place(number, counts);
             let first = at.map(|at| at * EDGE);
             // One more node on each side.
             let around = first.map(|first| first.saturating_sub(1));
@@ -61,20 +61,28 @@ impl MeanColors {
             if field.is_empty([share(around), share(end.map(|end| end - 1))], level) {
                 return Ok(None);
             }
-            let near = Nearby::new(field, level, nodes, first, reach);
+            let near = surroundings.densities(field, level, nodes, first);
             let mut block = vec![[0.0; 4]; EDGE.pow(3)];
             for (i, color) in block.iter_mut().enumerate() {
-                let inside = [i / EDGE / EDGE, i / EDGE % EDGE, i % EDGE];
+                let inside = place(i, [EDGE; 3]);
                 let node: [usize; 3] = std::array::from_fn(|axis| first[axis] + inside[axis]);
-                if (0..3).all(|axis| node[axis] < nodes.0[axis]) && near.any_around(node, least) {
+                if (0..3).any(|axis| node[axis] >= nodes.0[axis]) {
+                    continue;
+                }
+                let home = surroundings.number(inside);
+                if surroundings.around.iter().any(|by| near[home.wrapping_add(*by)] >= least) {
+                    let density_at = |direction: usize, place: usize| {
+                        let by = surroundings.before[direction][place];
+                        by.map_or(0.0, |by: usize| near[home.wrapping_add(by)])
+                    };
                     let [red, green, blue] =
-                        field.mean_color_behind(share(node), level, directions, |at| near.at(at));
+                        field.mean_color_behind(share(node), level, directions, density_at);
                     *color = [red, green, blue, 1.0];
                 }
             }
-            Ok(Some((at, block)))
+            Ok(Some(block))
         })?;
-        Ok(Self { nodes, blocks: blocks.into_iter().flatten().collect() })
+        Ok(Self { nodes, counts, blocks })
     }
 
     /// The colour at a place in shares of the box.
@@ -83,8 +91,6 @@ impl MeanColors {
         let at: [f64; 3] = std::array::from_fn(|axis| share[axis] * (sizes[axis] - 1) as f64);
         let low: [usize; 3] =
             std::array::from_fn(|axis| (at[axis] as usize).min(sizes[axis].saturating_sub(2)));
-        let home = low.map(|node| node / EDGE);
-        let own = self.blocks.get(&home);
         let mut sum = [0.0f32; 4];
         for corner in 0..8usize {
             let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
@@ -96,10 +102,9 @@ impl MeanColors {
                 continue;
             }
             let node: [usize; 3] = std::array::from_fn(|axis| low[axis] + up[axis]);
-            let there = node.map(|node| node / EDGE);
-            // Most corners are in the same block.
-            let block = if there == home { own } else { self.blocks.get(&there) };
-            let Some(block) = block else { continue };
+            let [x, y, z] = node.map(|node| node / EDGE);
+            let number = (x * self.counts[1] + y) * self.counts[2] + z;
+            let Some(Some(block)) = self.blocks.get(number) else { continue };
             let [x, y, z] = node.map(|node| node % EDGE);
             let color = block[(x * EDGE + y) * EDGE + z];
             // Nodes without a colour have weight 0.
@@ -112,85 +117,99 @@ impl MeanColors {
     }
 }
 
-/// The densities of a block's nodes and of those around it; a node's colour needs a hundred.
-struct Nearby {
-    nodes: Nodes,
-    first: [usize; 3],
+/// A block's nodes and those around it, whose densities its colours need: a hundred a node.
+struct Surroundings {
+    /// Nodes around the block, on each side.
+    reach: [usize; 3],
+    /// Nodes along each axis, with those around the block.
     sides: [usize; 3],
-    /// Optical depth per world unit.
-    densities: Vec<f32>,
+    /// Steps from a node's number to those of its neighbours and itself. Steps back wrap around.
+    around: Vec<usize>,
+    /// By direction, steps to the nodes in front; `None` beyond the grid.
+    before: Vec<Vec<Option<usize>>>,
 }
 
-impl Nearby {
-    /// Nodes on each side of a block that its colours need.
-    fn reach(field: &Renderer, Nodes(sizes): Nodes) -> [usize; 3] {
-        let view = field.view();
-        let (back, extent) =
-            (f64::from(BEFORE) * f64::from(view.march.voxel_size), view.bounds.extent());
-        std::array::from_fn(|axis| {
-            let nodes = back / extent[axis] * (sizes[axis] - 1) as f64;
-            (nodes.ceil() as usize + 1).min(sizes[axis])
-        })
+impl Surroundings {
+    fn new(directions: &Directions, Nodes(sizes): Nodes) -> Self {
+        // The nearest node to each place, in steps along each axis.
+        let nearest = |place: &[f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|axis| libm::rint(place[axis] * (sizes[axis] - 1) as f64))
+        };
+        let places = directions.places();
+        let mut reach = [1; 3];
+        for steps in places.iter().flatten().map(nearest) {
+            for axis in 0..3 {
+                reach[axis] = reach[axis].max(steps[axis].abs() as usize).min(sizes[axis]);
+            }
+        }
+        let sides = reach.map(|reach| EDGE + 2 * reach);
+        let number = |steps: [i64; 3]| -> usize {
+            let [x, y, z] = steps;
+            ((x * sides[1] as i64 + y) * sides[2] as i64 + z) as usize
+        };
+        let around = (0..27).map(|step| number([step / 9 - 1, step / 3 % 3 - 1, step % 3 - 1]));
+        let before = places.iter().map(|places| {
+            let within =
+                |steps: &[f64; 3]| (0..3).all(|axis| steps[axis].abs() <= reach[axis] as f64);
+            let steps = places.iter().map(nearest);
+            steps.map(|at| within(&at).then(|| number(at.map(|at| at as i64)))).collect()
+        });
+        let (around, before) = (around.collect(), before.collect());
+        Self { reach, sides, around, before }
     }
 
-    fn new(
+    /// The number of a block's node.
+    fn number(&self, inside: [usize; 3]) -> usize {
+        let [x, y, z] = std::array::from_fn(|axis| inside[axis] + self.reach[axis]);
+        (x * self.sides[1] + y) * self.sides[2] + z
+    }
+
+    /// The densities of a block and around it, in optical depth per world unit; 0 outside the grid.
+    fn densities(
+        &self,
         field: &Renderer,
         level: usize,
         nodes: Nodes,
         block: [usize; 3],
-        reach: [usize; 3],
-    ) -> Self {
-        let first: [usize; 3] = std::array::from_fn(|axis| block[axis].saturating_sub(reach[axis]));
-        let sides: [usize; 3] = std::array::from_fn(|axis| {
-            (block[axis] + EDGE + reach[axis]).min(nodes.0[axis]) - first[axis]
-        });
-        let share = |inside: [usize; 3]| -> [f64; 3] {
-            std::array::from_fn(|axis| {
-                (first[axis] + inside[axis]) as f64 / (nodes.0[axis] - 1) as f64
-            })
+    ) -> Vec<f32> {
+        let share = |node: [usize; 3]| -> [f64; 3] {
+            std::array::from_fn(|axis| node[axis] as f64 / (nodes.0[axis] - 1) as f64)
         };
-        let mut densities = vec![0.0; sides.iter().product()];
-        let parts = sides.map(|side| side.div_ceil(PART));
+        let mut densities = vec![0.0; self.sides.iter().product()];
+        let (mut places, mut shares) = (Vec::new(), Vec::new());
+        // The part of the surroundings that is in the grid, from the first node on.
+        let low: [usize; 3] =
+            std::array::from_fn(|axis| block[axis].saturating_sub(self.reach[axis]));
+        let high: [usize; 3] =
+            std::array::from_fn(|axis| (block[axis] + EDGE + self.reach[axis]).min(nodes.0[axis]));
+        let parts: [usize; 3] = std::array::from_fn(|axis| (high[axis] - low[axis]).div_ceil(PART));
         for number in 0..parts.iter().product() {
-            let part = [number / parts[2] / parts[1], number / parts[2] % parts[1], number];
-            let start = [part[0], part[1], part[2] % parts[2]].map(|part| part * PART);
-            let end: [usize; 3] = std::array::from_fn(|axis| (start[axis] + PART).min(sides[axis]));
+            let part = place(number, parts);
+            let start: [usize; 3] = std::array::from_fn(|axis| low[axis] + part[axis] * PART);
+            let end: [usize; 3] = std::array::from_fn(|axis| (start[axis] + PART).min(high[axis]));
             if field.is_empty([share(start), share(end.map(|end| end - 1))], level) {
                 continue;
             }
-            for (x, y) in (start[0]..end[0]).flat_map(|x| (start[1]..end[1]).map(move |y| (x, y))) {
-                for z in start[2]..end[2] {
-                    densities[(x * sides[1] + y) * sides[2] + z] =
-                        field.density_at(share([x, y, z]), level);
-                }
+            let sides: [usize; 3] = std::array::from_fn(|axis| end[axis] - start[axis]);
+            places.clear();
+            shares.clear();
+            for number in 0..sides.iter().product() {
+                let inside = place(number, sides);
+                let node: [usize; 3] = std::array::from_fn(|axis| start[axis] + inside[axis]);
+                let [x, y, z] =
+                    std::array::from_fn(|axis| node[axis] + self.reach[axis] - block[axis]);
+                places.push((x * self.sides[1] + y) * self.sides[2] + z);
+                shares.push(share(node));
+            }
+            for (&at, density) in places.iter().zip(field.densities_at(&shares, level)) {
+                densities[at] = density;
             }
         }
-        Self { nodes, first, sides, densities }
+        densities
     }
+}
 
-    /// The density of a node; 0 outside the block.
-    fn node(&self, node: [i64; 3]) -> f32 {
-        let mut place = 0;
-        for ((at, first), side) in node.into_iter().zip(self.first).zip(self.sides) {
-            let inside = usize::try_from(at - first as i64).ok().filter(|at| *at < side);
-            let Some(inside) = inside else { return 0.0 };
-            place = place * side + inside;
-        }
-        self.densities[place]
-    }
-
-    /// True if the density of a node or one of its neighbours reaches the threshold.
-    fn any_around(&self, node: [usize; 3], least: f32) -> bool {
-        (0..27).any(|step| {
-            let steps = [step / 9, step / 3 % 3, step % 3];
-            self.node(std::array::from_fn(|axis| node[axis] as i64 + steps[axis] - 1)) >= least
-        })
-    }
-
-    /// The density at the node that is nearest to a place in shares of the box.
-    fn at(&self, share: [f64; 3]) -> f32 {
-        self.node(std::array::from_fn(|axis| {
-            libm::rint(share[axis] * (self.nodes.0[axis] - 1) as f64) as i64
-        }))
-    }
+/// The place of a number in a box of this many places, z fastest.
+fn place(number: usize, [_, y, z]: [usize; 3]) -> [usize; 3] {
+    [number / z / y, number / z % y, number % z]
 }

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use super::leaf::{POINTS, SIDE, place_of};
+use super::leaf::SIDE;
 use crate::base::error::{Place, Result};
 use crate::base::limits::{Budget, Limits};
 use crate::base::progress::Progress;
@@ -170,12 +170,13 @@ fn fill(points: &VolumePoints, at: [i32; 3], out: &mut [[f32; 4]]) {
         let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
         let neighbour: [i32; 3] = std::array::from_fn(|axis| at[axis] + up[axis] as i32);
         let Some(values) = points.leaves.get(&neighbour) else { continue };
-        for (point, value) in values.iter().enumerate().take(POINTS) {
-            let inside = place_of(point);
-            if (0..3).all(|axis| up[axis] == 0 || inside[axis] == 0) {
-                let [x, y, z] = std::array::from_fn(|axis| inside[axis] + up[axis] * SIDE);
-                out[(x * APRON + y) * APRON + z] = *value;
-            }
+        // Of neighbours, the points on the side of the leaf.
+        let [nx, ny, nz] = up.map(|up| if up == 1 { 1 } else { SIDE });
+        let [fx, fy, fz] = up.map(|up| up * SIDE);
+        for (x, y) in (0..nx).flat_map(|x| (0..ny).map(move |y| (x, y))) {
+            let from = (x * SIDE + y) * SIDE;
+            let to = ((x + fx) * APRON + y + fy) * APRON + fz;
+            out[to..to + nz].copy_from_slice(&values[from..from + nz]);
         }
     }
 }

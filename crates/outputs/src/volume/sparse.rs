@@ -138,7 +138,8 @@ impl SparseVolume {
                     None => field.mean_color(share, level, &directions),
                 };
                 leaf.color[point] = color.map(|value| {
-                    let step = (f64::from(value) * f64::from(MEAN_STEPS)).round();
+                    // The nearest step: colours are not negative.
+                    let step = value * f32::from(MEAN_STEPS) + 0.5;
                     match steps.get(step as usize).filter(|_| is_mean) {
                         Some(linear) => *linear,
                         None => linear(f64::from(value)) as f32,
@@ -309,14 +310,18 @@ fn leaf_of(field: &Renderer, lattice: &Lattice, level: usize, at: [usize; 3]) ->
     }
     let least = least_density(lattice);
     let mut leaf = Leaf::empty(at.map(|at| at as i32));
-    let mut any = false;
+    let mut inside = Vec::with_capacity(POINTS);
+    let mut shares = Vec::with_capacity(POINTS);
     for point in 0..POINTS {
-        let inside = place_of(point);
-        let place: [usize; 3] = std::array::from_fn(|axis| first[axis] + inside[axis]);
-        if (0..3).any(|axis| place[axis] > last[axis]) {
-            continue;
+        let own = place_of(point);
+        let place: [usize; 3] = std::array::from_fn(|axis| first[axis] + own[axis]);
+        if (0..3).all(|axis| place[axis] <= last[axis]) {
+            inside.push(point);
+            shares.push(lattice.share(place));
         }
-        let density = field.density_at(lattice.share(place), level);
+    }
+    let mut any = false;
+    for (point, density) in inside.into_iter().zip(field.densities_at(&shares, level)) {
         if density >= least {
             insert(&mut leaf.occupied, point);
             leaf.density[point] = density;

@@ -31,5 +31,5 @@ pub use path::Path;
 pub use renderer::Renderer;
 pub(crate) use renderer::{Lanes, with_lanes};
 pub use route::{Route, RouteSample};
-pub use sample::{BEFORE, Directions};
+pub use sample::Directions;
 pub use trained::TrainedLevels;

@@ -55,6 +55,9 @@ impl Path {
             first = first.max(a.min(b).ceil());
             last = last.min(a.max(b));
         }
+        if let Some(reach) = view.reach {
+            last = last.min((reach / length - entry) / t_step);
+        }
         if first > last {
             return None;
         }

@@ -9,11 +9,12 @@ use crate::model::trained_model::TrainedModel;
 use crate::model::view_dependence::ViewDependence;
 use crate::model::view_mlp::RAYS;
 use crate::view::sample::{
-    Macro, Sample, SampleLevels as _, View, check_level, depth, is_sampled, sample_at, world_of,
+    Macro, Sample, SampleLevels as _, View, check_level, depth, depths, is_sampled, sample_at,
+    world_of,
 };
 
 /// Number of voxels in front of a point that are searched for occluders.
-pub const BEFORE: u32 = 4;
+const BEFORE: usize = 4;
 /// A point that gets less light than this from every direction lies inside a solid.
 const HIDDEN: f64 = 1e-3;
 /// Directions with less than this share of the brightest one's light do not count.
@@ -77,6 +78,21 @@ impl Renderer {
         }
     }
 
+    /// As [`Self::density_at`], at many positions.
+    pub fn densities_at(&self, shares: &[[f64; 3]], level: usize) -> Vec<f32> {
+        let view = self.view();
+        let Content::Values(lanes) = self.content() else {
+            return shares.iter().map(|&share| self.density_at(share, level)).collect();
+        };
+        let mut densities = with_values!(lanes, values => depths(view, values, shares, level));
+        let interval = view.march.stepsize * view.march.voxel_size;
+        for (density, &share) in densities.iter_mut().zip(shares) {
+            let counts = is_sampled(view, world_of(view, share), share);
+            *density = if counts { *density / interval } else { 0.0 };
+        }
+        densities
+    }
+
     fn sample_both(&self, world: [f64; 3], share: [f64; 3], level: usize) -> Sample {
         match self.content() {
             Content::Values(lanes) => {
@@ -115,17 +131,20 @@ impl Renderer {
     /// or if the point is hidden from all sides, which saves evaluating a network. `share` is the
     /// position as fractions of the box.
     pub fn mean_color(&self, share: [f64; 3], level: usize, directions: &Directions) -> [f32; 3] {
-        self.mean_color_behind(share, level, directions, |at| self.density_at(at, level))
+        self.mean_color_behind(share, level, directions, |number, step| {
+            let by = directions.places[number][step];
+            self.density_at([0, 1, 2].map(|axis| share[axis] + by[axis]), level)
+        })
     }
 
-    /// As [`Self::mean_color`], with densities from the caller, which are requested four times per
-    /// direction. Positions are fractions of the box.
+    /// As [`Self::mean_color`], with densities from the caller: of a direction's number and one of
+    /// its [`Directions::places`].
     pub fn mean_color_behind(
         &self,
         share: [f64; 3],
         level: usize,
         directions: &Directions,
-        density_at: impl Fn([f64; 3]) -> f32,
+        density_at: impl Fn(usize, usize) -> f32,
     ) -> [f32; 3] {
         let (mut sum, mut weights) = ([0.0f64; 3], 0.0f64);
         let mut add = |weight: f64, color: [f32; 3]| {
@@ -133,7 +152,7 @@ impl Renderer {
             sum.iter_mut().zip(shown).for_each(|(sum, value)| *sum += weight * value);
             weights += weight;
         };
-        let seen_only = || directions.seen_from(self.view(), share, &density_at);
+        let seen_only = || directions.seen_from(self.view(), &density_at);
         let seen = || {
             let seen = seen_only();
             match seen.is_empty() {
@@ -204,6 +223,9 @@ pub struct Directions {
     bases: Vec<Basis>,
     /// Empty without a network.
     sums: Vec<Vec<f32>>,
+    /// By direction, steps to the places in front of a point where occluders are searched, nearest
+    /// first, as fractions of the box.
+    places: Vec<[[f64; 3]; BEFORE]>,
 }
 
 impl Directions {
@@ -224,30 +246,40 @@ impl Directions {
         let sums = network.map_or_else(Vec::new, |network| {
             vectors.iter().map(|&vector| network.direction_sums(vector)).collect()
         });
-        Self { vectors, bases, sums }
+        let (extent, step) = (field.view().bounds.extent(), field.view().march.voxel_size);
+        let places = vectors.iter().map(|vector| {
+            std::array::from_fn(|number| {
+                let back = (number + 1) as f64 * f64::from(step);
+                [0, 1, 2].map(|axis| -back * vector[axis] / extent[axis])
+            })
+        });
+        let places = places.collect();
+        Self { vectors, bases, sums, places }
+    }
+
+    /// By direction, steps from a point to the places where occluders are searched, nearest first,
+    /// as fractions of the box.
+    pub fn places(&self) -> &[[[f64; 3]; BEFORE]] {
+        &self.places
     }
 
     /// The indices of the directions from which a point is visible, with their transmittances.
-    /// `None` if all directions are blocked.
+    /// Empty if all directions are blocked.
     fn seen_from(
         &self,
         view: &View,
-        share: [f64; 3],
-        density_at: impl Fn([f64; 3]) -> f32,
+        density_at: impl Fn(usize, usize) -> f32,
     ) -> Vec<(usize, f64)> {
-        let extent = view.bounds.extent();
         let step = f64::from(view.march.voxel_size);
-        let seen = self.vectors.iter().enumerate().map(|(number, vector)| {
+        let seen = (0..self.vectors.len()).map(|number| {
             let mut depth = 0.0;
-            for steps in 1..=BEFORE {
-                let back = f64::from(steps) * step;
-                let at = [0, 1, 2].map(|axis| share[axis] - back * vector[axis] / extent[axis]);
-                depth += f64::from(density_at(at)) * step;
+            for place in 0..BEFORE {
+                depth += f64::from(density_at(number, place)) * step;
                 if depth > BLOCKED {
                     return (number, 0.0);
                 }
             }
-            (number, libm::exp(-depth))
+            (number, f64::from(lanes::exp(-depth as f32)))
         });
         let seen: Vec<(usize, f64)> = seen.collect();
         let most = seen.iter().fold(0.0, |most: f64, (_, weight)| most.max(*weight));

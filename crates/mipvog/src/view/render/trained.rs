@@ -36,6 +36,7 @@ pub(super) fn view_of(field: &RadianceField, levels: Option<TrainedLevels>) -> V
         nodes: scene.nodes,
         activation: scene.activation,
         march: scene.march,
+        reach: None,
         background: scene.background,
         depth_scale: 1.0,
         blend: levels.map_or(Blend::BeforeActivation, |levels| levels.filter.blend()),

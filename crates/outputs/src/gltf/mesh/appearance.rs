@@ -1,7 +1,7 @@
 //! The colours of a mesh: the field's own, as seen from around each vertex.
 //!
-//! Rays end at a vertex and start a few cells outside of it, one along its normal and three tilted
-//! by 45 degrees. A vertex gets the mean of their light without background, divided by the mean of
+//! Rays start a few cells outside of a vertex and end as far behind it, one along its normal and
+//! three tilted by 45 degrees. A vertex gets the mean of their light without background, divided by the mean of
 //! their opacity. So the network, harmonics and low density in front of a surface count as in
 //! pictures. Vertices whose rays hit hardly anything keep the colour of their nodes.
 
@@ -38,7 +38,8 @@ pub fn renderer(container: &Container) -> Result<Renderer> {
 ///
 /// # Errors
 /// Errors of rendering.
-pub fn color(soup: &mut TriangleSoup, field: &Renderer, cell: f64) -> Result<()> {
+pub fn color(soup: &mut TriangleSoup, field: &mut Renderer, cell: f64) -> Result<()> {
+    field.view_mut().reach = Some(2.0 * REACH * cell);
     let rays: Vec<Ray> = soup
         .positions
         .iter()

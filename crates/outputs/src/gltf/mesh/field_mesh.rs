@@ -26,14 +26,14 @@ pub fn meshes(container: &Container, triangles: usize, coarser: usize) -> Result
         return Err(Error::invalid_option("fallback_triangles", triangles.to_string(), expected));
     }
     let metadata = container.metadata();
-    let field = appearance::renderer(container)?;
+    let mut field = appearance::renderer(container)?;
     let mut parts = parts(container, triangles)?;
     let mut meshes = Vec::new();
     let mut count = triangles;
     while parts.iter().any(|part| !part.soup.triangles.is_empty()) {
         let mut soup = TriangleSoup::default();
         for part in &mut parts {
-            appearance::color(&mut part.soup, &field, part.cell)?;
+            appearance::color(&mut part.soup, &mut field, part.cell)?;
             soup.add(&part.soup);
         }
         meshes.extend(Some(Mesh::of_soup(&soup)).filter(|mesh| !mesh.triangles.is_empty()));

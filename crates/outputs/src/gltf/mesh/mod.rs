@@ -16,8 +16,10 @@
 //! glTF's linear values only at the end.
 
 mod appearance;
+mod collapse_queue;
 mod field_mesh;
 mod opacity_grid;
+mod quadric;
 mod simplify;
 mod surface;
 mod triangles;

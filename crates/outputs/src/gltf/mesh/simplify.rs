@@ -11,14 +11,15 @@
 //! Extents start at +0 and take a coordinate only if it is strictly beyond: of two zeros,
 //! `f64::min` and `f64::max` may return either, depending on the machine.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
+use super::collapse_queue::{EdgeCollapse, Queue};
+use super::quadric::Quadric;
 use super::triangles::TriangleSoup;
 use super::vector::{cross, dot, length, minus};
 
 /// Weight of the distance to the vertex itself, relative to that to its planes.
 const OWN_SHARE: f64 = 1e-3;
+/// Triangles of a vertex up to which a search takes less time than sorting.
+const FEW: usize = 32;
 /// Cosine of the maximum rotation of a triangle in one collapse.
 const LEAST_TURN: f64 = 0.2;
 
@@ -31,131 +32,26 @@ pub fn simplify(soup: TriangleSoup, max_triangles: usize, cell: f64) -> Triangle
     surface.finish()
 }
 
-/// `x' A x + 2 b' x + c`, `A` symmetric: xx, xy, xz, yy, yz, zz.
-#[derive(Debug, Clone, Copy, Default)]
-struct Quadric {
-    a: [f64; 6],
-    b: [f64; 3],
-    c: f64,
-}
-
-impl Quadric {
-    fn plus(&self, other: &Self) -> Self {
-        Self {
-            a: std::array::from_fn(|i| self.a[i] + other.a[i]),
-            b: std::array::from_fn(|i| self.b[i] + other.b[i]),
-            c: self.c + other.c,
-        }
-    }
-
-    /// Weighted squared distance to the plane through `point` with this unit normal.
-    fn plane(normal: [f64; 3], point: [f64; 3], weight: f64) -> Self {
-        let [x, y, z] = normal;
-        let d = -dot(normal, point);
-        Self {
-            a: [x * x, x * y, x * z, y * y, y * z, z * z].map(|value| weight * value),
-            b: normal.map(|value| weight * d * value),
-            c: weight * d * d,
-        }
-    }
-
-    /// Weighted squared distance to a point.
-    fn point(point: [f64; 3], weight: f64) -> Self {
-        Self {
-            a: [weight, 0.0, 0.0, weight, 0.0, weight],
-            b: point.map(|value| -weight * value),
-            c: weight * dot(point, point),
-        }
-    }
-
-    fn at(&self, [x, y, z]: [f64; 3]) -> f64 {
-        let [xx, xy, xz, yy, yz, zz] = self.a;
-        let squares = xx * x * x + yy * y * y + zz * z * z;
-        let products = xy * x * y + xz * x * z + yz * y * z;
-        squares + 2.0 * (products + dot(self.b, [x, y, z])) + self.c
-    }
-
-    /// The place of its least value, by Cramer's rule; none if rounding leaves no answer.
-    fn least(&self) -> Option<[f64; 3]> {
-        let [xx, xy, xz, yy, yz, zz] = self.a;
-        let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-        let determinant = dot(rows[0], cross(rows[1], rows[2]));
-        let right = self.b.map(|value| -value);
-        // The inverse of a symmetric matrix: its rows' cross products over the determinant.
-        let inverse = [cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])];
-        let found = inverse.map(|row| dot(row, right) / determinant);
-        (determinant > 0.0 && found.iter().all(|value| value.is_finite())).then_some(found)
-    }
-}
-
-/// The collapse of an edge, ordered by execution. The queue holds millions, so it is small: the
-/// merged vertex is recomputed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct EdgeCollapse {
-    /// The bits of the loss of merging the two vertices: non-negative floats sort like their bits.
-    loss: u64,
-    /// The vertices, the lower number first.
-    pair: [u32; 2],
-    /// Changes of both when the loss was computed.
-    changes: [u32; 2],
-}
-
-/// Collapses in the order of their loss. Those beyond a bound are rarely reached and stay unsorted,
-/// because a heap of all of them would not fit into the caches.
-struct Queue {
-    /// Initial collapses, sorted from the end.
-    sorted: Vec<EdgeCollapse>,
-    /// Later collapses.
-    heap: BinaryHeap<Reverse<EdgeCollapse>>,
-    /// The largest loss in `sorted` and in `heap`.
-    bound: u64,
-    waiting: Vec<EdgeCollapse>,
-}
-
-impl Queue {
-    /// For edges, with the expected number of collapses.
-    fn new(mut edges: Vec<EdgeCollapse>, likely: usize) -> Self {
-        edges.sort_unstable();
-        let bound = edges.get(likely).map_or(u64::MAX, |edge| edge.loss);
-        let waiting = edges.split_off(edges.partition_point(|edge| edge.loss <= bound));
-        edges.reverse();
-        Self { sorted: edges, heap: BinaryHeap::new(), bound, waiting }
-    }
-
-    fn push(&mut self, edge: EdgeCollapse) {
-        match edge.loss <= self.bound {
-            true => self.heap.push(Reverse(edge)),
-            false => self.waiting.push(edge),
-        }
-    }
-
-    fn pop(&mut self) -> Option<EdgeCollapse> {
-        if self.sorted.is_empty() && self.heap.is_empty() {
-            self.bound = u64::MAX;
-            self.sorted = std::mem::take(&mut self.waiting);
-            self.sorted.sort_unstable_by(|a, b| b.cmp(a));
-        }
-        match (self.sorted.last(), self.heap.peek()) {
-            (Some(first), Some(Reverse(later))) if later < first => {
-                self.heap.pop().map(|Reverse(edge)| edge)
-            }
-            (Some(_), _) => self.sorted.pop(),
-            (None, _) => self.heap.pop().map(|Reverse(edge)| edge),
-        }
-    }
+/// What a collapse reads of a vertex, side by side in memory: vertices are visited at random.
+#[derive(Debug, Clone, Copy)]
+struct Vertex {
+    /// From the surface's origin.
+    position: [f64; 3],
+    color: [f64; 3],
+    quadric: Quadric,
+    /// Area: the weight of the colour.
+    weight: f64,
+    changes: u32,
 }
 
 struct Surface {
-    soup: TriangleSoup,
+    vertices: Vec<Vertex>,
+    triangles: Vec<[u32; 3]>,
     /// Triangles of each vertex; empty once it was merged into another.
     around: Vec<Vec<u32>>,
     /// By triangle; false once it is gone.
     alive: Vec<bool>,
     count: usize,
-    quadrics: Vec<Quadric>,
-    /// Area of each vertex: the weight of its colour.
-    weights: Vec<f64>,
-    changes: Vec<u32>,
     /// Squared.
     cell: f64,
     /// The first position, subtracted from all others for precision.
@@ -165,30 +61,32 @@ struct Surface {
 }
 
 impl Surface {
-    fn new(mut soup: TriangleSoup, cell: f64) -> Self {
-        let origin = soup.positions.first().copied().unwrap_or_default();
-        soup.positions.iter_mut().for_each(|position| *position = minus(*position, origin));
+    fn new(soup: TriangleSoup, cell: f64) -> Self {
+        let TriangleSoup { positions, colors, triangles } = soup;
+        let origin = positions.first().copied().unwrap_or_default();
+        let vertex = |(position, color)| {
+            let (position, quadric) = (minus(position, origin), Quadric::default());
+            Vertex { position, color, quadric, weight: 0.0, changes: 0 }
+        };
+        let vertices: Vec<Vertex> = positions.into_iter().zip(colors).map(vertex).collect();
         let bound = |pick: fn(f64, f64) -> f64| {
-            let join = |a: [f64; 3], b: &[f64; 3]| std::array::from_fn(|i| pick(a[i], b[i]));
-            soup.positions.iter().fold([0.0; 3], join)
+            let join = |a: [f64; 3], b: &Vertex| std::array::from_fn(|i| pick(a[i], b.position[i]));
+            vertices.iter().fold([0.0; 3], join)
         };
         let extent =
             [bound(|a, b| if b < a { b } else { a }), bound(|a, b| if b > a { b } else { a })];
-        let vertices = soup.positions.len();
         let mut surface = Self {
-            around: (0..vertices).map(|_| Vec::with_capacity(8)).collect(),
-            alive: vec![true; soup.triangles.len()],
-            count: soup.triangles.len(),
-            quadrics: vec![Quadric::default(); vertices],
-            weights: vec![0.0; vertices],
-            changes: vec![0; vertices],
+            around: (0..vertices.len()).map(|_| Vec::with_capacity(8)).collect(),
+            alive: vec![true; triangles.len()],
+            count: triangles.len(),
             cell: cell * cell,
             origin,
             extent,
-            soup,
+            vertices,
+            triangles,
         };
-        for (number, corners) in surface.soup.triangles.iter().enumerate() {
-            let [a, b, c] = corners.map(|corner| surface.soup.positions[corner as usize]);
+        for (number, corners) in surface.triangles.iter().enumerate() {
+            let [a, b, c] = corners.map(|corner| surface.vertices[corner as usize].position);
             let normal = cross(minus(b, a), minus(c, a));
             let twice = length(normal);
             for &corner in corners {
@@ -197,11 +95,10 @@ impl Surface {
                 if twice > 0.0 {
                     let area = twice / 6.0;
                     let plane = Quadric::plane(normal.map(|n| n / twice), a, area);
-                    let own = surface.soup.positions[corner];
-                    let point = Quadric::point(own, OWN_SHARE * area);
-                    let quadric = surface.quadrics[corner].plus(&plane).plus(&point);
-                    surface.quadrics[corner] = quadric;
-                    surface.weights[corner] += area;
+                    let vertex = &mut surface.vertices[corner];
+                    let point = Quadric::point(vertex.position, OWN_SHARE * area);
+                    vertex.quadric = vertex.quadric.plus(&plane).plus(&point);
+                    vertex.weight += area;
                 }
             }
         }
@@ -213,22 +110,20 @@ impl Surface {
         if self.count <= max_triangles {
             return;
         }
-        let mut edges = Vec::new();
+        let mut queue = Queue::new();
         let (mut near, mut far) = (Vec::new(), Vec::new());
         for vertex in 0..self.around.len() as u32 {
             self.neighbours(vertex, &mut near);
-            let others = near.iter().filter(|other| **other > vertex);
-            edges.extend(others.map(|&other| self.edge_collapse(vertex, other)));
+            for &other in near.iter().filter(|other| **other > vertex) {
+                self.plan([vertex, other], &mut queue);
+            }
         }
-        // A collapse removes two triangles, and makes other collapses possible.
-        let likely = self.count - max_triangles;
-        let mut queue = Queue::new(edges, likely);
         while let Some(edge) = queue.pop() {
-            let current = edge.pair.map(|vertex| self.changes[vertex as usize]);
+            let current = edge.pair.map(|vertex| self.vertices[vertex as usize].changes);
             if current != edge.changes {
                 continue;
             }
-            let to = self.merged(edge.pair);
+            let (to, _) = self.merged(edge.pair);
             if careful && !self.is_harmless(edge.pair, to, [&mut near, &mut far]) {
                 continue;
             }
@@ -239,7 +134,7 @@ impl Surface {
             }
             self.neighbours(kept, &mut near);
             for &other in &near {
-                queue.push(self.edge_collapse(kept.min(other), kept.max(other)));
+                self.plan([kept.min(other), kept.max(other)], &mut queue);
             }
         }
     }
@@ -248,40 +143,51 @@ impl Surface {
     /// `others` is cleared first: a new list per collapse would take a tenth of the time.
     fn neighbours(&self, vertex: u32, others: &mut Vec<u32>) {
         others.clear();
-        for &triangle in &self.around[vertex as usize] {
-            let corners = self.soup.triangles[triangle as usize];
-            others.extend(corners.into_iter().filter(|&corner| corner != vertex));
+        let around = &self.around[vertex as usize];
+        let corners = |&triangle: &u32| {
+            let [a, b, c] = self.triangles[triangle as usize];
+            if a == vertex {
+                [b, c]
+            } else if b == vertex {
+                [c, a]
+            } else {
+                [a, b]
+            }
+        };
+        // On a closed surface, a corner that is the first of two in one triangle is the last in
+        // another: half of them need not be sorted.
+        others.extend(around.iter().map(|triangle| corners(triangle)[0]));
+        let firsts = others.len();
+        for [_, last] in around.iter().map(corners) {
+            if firsts > FEW || !others[..firsts].contains(&last) {
+                others.push(last);
+            }
         }
         others.sort_unstable();
         others.dedup();
     }
 
-    /// The sum of two vertices' quadrics.
-    fn quadric(&self, pair: [u32; 2]) -> Quadric {
-        let [a, b] = pair.map(|vertex| &self.quadrics[vertex as usize]);
-        a.plus(b)
-    }
-
-    /// The position of the merged vertex of two vertices.
-    fn merged(&self, pair: [u32; 2]) -> [f64; 3] {
-        let to = self.quadric(pair).least().unwrap_or_else(|| {
-            let [from, to] = pair.map(|vertex| self.soup.positions[vertex as usize]);
-            std::array::from_fn(|axis| 0.5 * (from[axis] + to[axis]))
-        });
+    /// The position of the merged vertex of two vertices, and the sum of their quadrics.
+    fn merged(&self, pair: [u32; 2]) -> ([f64; 3], Quadric) {
+        let [a, b] = pair.map(|vertex| &self.vertices[vertex as usize]);
+        let quadric = a.quadric.plus(&b.quadric);
+        let middle = || std::array::from_fn(|axis| 0.5 * (a.position[axis] + b.position[axis]));
+        let to = quadric.least().unwrap_or_else(middle);
         let [lowest, highest] = self.extent;
-        std::array::from_fn(|axis| to[axis].clamp(lowest[axis], highest[axis]))
+        (std::array::from_fn(|axis| to[axis].clamp(lowest[axis], highest[axis])), quadric)
     }
 
-    fn edge_collapse(&self, low: u32, high: u32) -> EdgeCollapse {
-        let [a, b] = [low as usize, high as usize];
-        let error = self.quadric([low, high]).at(self.merged([low, high]));
-        let colors = minus(self.soup.colors[a], self.soup.colors[b]);
-        let (wa, wb) = (self.weights[a], self.weights[b]);
-        let mean = if wa + wb > 0.0 { wa * wb / (wa + wb) } else { 0.0 };
+    /// Puts the collapse of an edge into the queue.
+    fn plan(&self, pair: [u32; 2], queue: &mut Queue) {
+        let [a, b] = pair.map(|vertex| &self.vertices[vertex as usize]);
+        let (to, quadric) = self.merged(pair);
+        let error = quadric.at(to);
+        let colors = minus(a.color, b.color);
+        let sum = a.weight + b.weight;
+        let mean = if sum > 0.0 { a.weight * b.weight / sum } else { 0.0 };
         let error = if error > 0.0 { error } else { 0.0 };
         let loss = error + self.cell * mean * dot(colors, colors);
-        let changes = [self.changes[a], self.changes[b]];
-        EdgeCollapse { loss: loss.to_bits(), pair: [low, high], changes }
+        queue.push(loss, EdgeCollapse { pair, changes: [a.changes, b.changes] });
     }
 
     /// True if no triangle flips and the surface stays a manifold: the common neighbours of both
@@ -291,15 +197,15 @@ impl Surface {
         self.neighbours(b, far);
         let common = near.iter().filter(|vertex| far.binary_search(vertex).is_ok()).count();
         let shared = self.around[a as usize].iter();
-        let shared = shared.filter(|&&t| self.soup.triangles[t as usize].contains(&b)).count();
+        let shared = shared.filter(|&&t| self.triangles[t as usize].contains(&b)).count();
         if common != 2 || shared != 2 {
             return false;
         }
         let own = [a, b].into_iter().flat_map(|vertex| &self.around[vertex as usize]);
-        own.map(|&triangle| self.soup.triangles[triangle as usize])
+        own.map(|&triangle| self.triangles[triangle as usize])
             .filter(|corners| !(corners.contains(&a) && corners.contains(&b)))
             .all(|corners| {
-                let old = corners.map(|corner| self.soup.positions[corner as usize]);
+                let old = corners.map(|corner| self.vertices[corner as usize].position);
                 let mut new = old;
                 for (position, corner) in new.iter_mut().zip(corners) {
                     if corner == a || corner == b {
@@ -313,18 +219,20 @@ impl Surface {
 
     fn merge(&mut self, pair: [u32; 2], to: [f64; 3]) {
         let [kept, gone] = pair.map(|vertex| vertex as usize);
-        let (wa, wb) = (self.weights[kept], self.weights[gone]);
+        let other = self.vertices[gone];
+        self.vertices[gone].changes += 1;
+        let own = &mut self.vertices[kept];
+        let (wa, wb) = (own.weight, other.weight);
         if wa + wb > 0.0 {
-            let [a, b] = [self.soup.colors[kept], self.soup.colors[gone]];
-            self.soup.colors[kept] = std::array::from_fn(|i| (wa * a[i] + wb * b[i]) / (wa + wb));
+            let [a, b] = [own.color, other.color];
+            own.color = std::array::from_fn(|i| (wa * a[i] + wb * b[i]) / (wa + wb));
         }
-        self.weights[kept] = wa + wb;
-        self.quadrics[kept] = self.quadrics[kept].plus(&self.quadrics[gone]);
-        self.soup.positions[kept] = to;
-        self.changes[kept] += 1;
-        self.changes[gone] += 1;
+        own.weight = wa + wb;
+        own.quadric = own.quadric.plus(&other.quadric);
+        own.position = to;
+        own.changes += 1;
         for triangle in std::mem::take(&mut self.around[gone]) {
-            let corners = &mut self.soup.triangles[triangle as usize];
+            let corners = &mut self.triangles[triangle as usize];
             if corners.contains(&pair[0]) {
                 self.remove(triangle);
                 continue;
@@ -335,30 +243,24 @@ impl Surface {
             let corners = *corners;
             match self.twin(kept, corners) {
                 // Both sides of an empty region.
-                Some((twin, true)) => [triangle, twin].into_iter().for_each(|t| self.remove(t)),
-                Some((_, false)) => self.remove(triangle),
+                Some(twin) => [triangle, twin].into_iter().for_each(|t| self.remove(t)),
                 None => self.around[kept].push(triangle),
             }
         }
     }
 
-    /// A triangle of a vertex with the same corners, and whether it faces the opposite direction.
-    fn twin(&self, vertex: usize, corners: [u32; 3]) -> Option<(u32, bool)> {
-        let [a, b, c] = corners;
-        let same = [[a, b, c], [b, c, a], [c, a, b]];
+    /// A triangle of a vertex with the same corners that faces the opposite direction.
+    fn twin(&self, vertex: usize, [a, b, c]: [u32; 3]) -> Option<u32> {
         let turned = [[a, c, b], [c, b, a], [b, a, c]];
-        self.around[vertex].iter().find_map(|&other| {
-            let corners = self.soup.triangles[other as usize];
-            let faces_away = turned.contains(&corners);
-            (faces_away || same.contains(&corners)).then_some((other, faces_away))
-        })
+        let mut around = self.around[vertex].iter().copied();
+        around.find(|&other| turned.contains(&self.triangles[other as usize]))
     }
 
     fn remove(&mut self, triangle: u32) {
         if std::mem::replace(&mut self.alive[triangle as usize], false) {
             self.count -= 1;
         }
-        for corner in self.soup.triangles[triangle as usize] {
+        for corner in self.triangles[triangle as usize] {
             self.around[corner as usize].retain(|&other| other != triangle);
         }
     }
@@ -366,19 +268,19 @@ impl Surface {
     /// The remaining surface, without merged vertices.
     fn finish(mut self) -> TriangleSoup {
         let mut alive = self.alive.iter();
-        self.soup.triangles.retain(|_| alive.next() == Some(&true));
-        let mut numbers = vec![u32::MAX; self.soup.positions.len()];
+        self.triangles.retain(|_| alive.next() == Some(&true));
+        let mut numbers = vec![u32::MAX; self.vertices.len()];
         let mut left = TriangleSoup::default();
-        for corner in self.soup.triangles.as_flattened() {
+        for corner in self.triangles.as_flattened() {
             let number = &mut numbers[*corner as usize];
             if *number == u32::MAX {
                 *number = left.positions.len() as u32;
-                let position = self.soup.positions[*corner as usize];
+                let Vertex { position, color, .. } = self.vertices[*corner as usize];
                 left.positions.push(std::array::from_fn(|axis| position[axis] + self.origin[axis]));
-                left.colors.push(self.soup.colors[*corner as usize]);
+                left.colors.push(color);
             }
         }
-        let renumbered = self.soup.triangles.iter();
+        let renumbered = self.triangles.iter();
         left.triangles =
             renumbered.map(|corners| corners.map(|corner| numbers[corner as usize])).collect();
         left
