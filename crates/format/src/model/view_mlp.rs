@@ -183,38 +183,31 @@ impl ViewMlp {
         self.through(values, 0)
     }
 
-    /// The direction's part of the first layer's sums, which does not depend on the values, for
-    /// [`Self::colors_of_sums`].
-    pub fn direction_sums(&self, direction: [f64; 3]) -> Vec<f32> {
-        let mut inputs = vec![0.0f32; self.embedding()];
-        self.embed(direction, |i, value| inputs[i] = value as f32);
+    /// The part of the first layer's sums that depends on the directions of up to [`RAYS`] rays
+    /// alone, by output, for [`Self::colors_of_sums`].
+    pub fn direction_sums(&self, directions: &[[f64; 3]]) -> Vec<[f32; RAYS]> {
+        let mut inputs = vec![[0.0f32; RAYS]; self.embedding()];
+        for (ray, direction) in directions.iter().enumerate() {
+            self.embed(*direction, |i, value| inputs[i][ray] = value as f32);
+        }
         let Some(layer) = self.layers.first() else { return Vec::new() };
         let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
-        let sum = |(weights, bias): (&[f32], &f32)| {
-            weights.iter().zip(&inputs).fold(*bias, |sum, (weight, input)| sum + weight * input)
-        };
-        rows.map(sum).collect()
+        let sums = rows.map(|(weights, &bias)| {
+            let pairs = weights.iter().zip(&inputs);
+            pairs.fold([bias; RAYS], |sums, (weight, input)| {
+                std::array::from_fn(|ray| sums[ray] + weight * input[ray])
+            })
+        });
+        sums.collect()
     }
 
-    /// As [`Self::colors`], from the [`Self::direction_sums`] of directions, which leaves a third
-    /// of the work. `accumulated` has the values of each ray, or common ones for all. Sums are
-    /// rounded in another order.
-    pub fn colors_of_sums(&self, sums: &[&[f32]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
-        let (embedding, skipped) = (self.embedding(), self.skipped());
+    /// As [`Self::colors`], from the [`Self::direction_sums`] of the rays, which leaves a third of
+    /// the work. `accumulated` has the values of each ray, or common ones for all. Sums are rounded
+    /// in another order.
+    pub fn colors_of_sums(&self, sums: &[[f32; RAYS]], accumulated: &[&[f32]]) -> [[f32; 3]; RAYS] {
         let Some(layer) = self.layers.first() else { return [[0.0; 3]; RAYS] };
-        let is_last = self.layers.len() == 1;
-        let mut values = Vec::with_capacity(layer.bias.len());
-        for (row, weights) in layer.weights.chunks_exact(layer.inputs).enumerate() {
-            let own = |accumulated: &&[f32]| dot(&weights[embedding..], &accumulated[skipped..]);
-            let mut lanes = [0.0f32; RAYS];
-            match accumulated {
-                [all] => lanes.fill(own(all)),
-                each => lanes.iter_mut().zip(each).for_each(|(lane, values)| *lane = own(values)),
-            }
-            lanes.iter_mut().zip(sums).for_each(|(lane, sums)| *lane += sums[row]);
-            values.push(activated(lanes, is_last));
-        }
-        self.through(values, 1)
+        let inputs = [self.embedding(), self.skipped()];
+        self.through(first_of_sums(layer, inputs, sums, accumulated, self.layers.len() == 1), 1)
     }
 
     /// Numbers of the embedding of a direction: the first inputs of the first layer.
@@ -322,6 +315,31 @@ fn apply_to_rays(layer: &Layer, inputs: &[[f32; RAYS]], is_last: bool) -> Vec<[f
             }
         }
         outputs.push(activated(sums, is_last));
+    }
+    outputs
+}
+
+/// The first layer's outputs of [`RAYS`] rays, from the sums of their directions. Its inputs after
+/// the embedding are the accumulated values after the skipped ones.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn first_of_sums(
+    layer: &Layer,
+    [embedding, skipped]: [usize; 2],
+    sums: &[[f32; RAYS]],
+    accumulated: &[&[f32]],
+    is_last: bool,
+) -> Vec<[f32; RAYS]> {
+    let mut outputs = Vec::with_capacity(layer.bias.len());
+    for (weights, sums) in layer.weights.chunks_exact(layer.inputs).zip(sums) {
+        let own = |accumulated: &[f32]| dot(&weights[embedding..], &accumulated[skipped..]);
+        let mut lanes = *sums;
+        if let [all] = accumulated {
+            let own = own(all);
+            lanes.iter_mut().for_each(|lane| *lane += own);
+        } else {
+            lanes.iter_mut().zip(accumulated).for_each(|(lane, values)| *lane += own(values));
+        }
+        outputs.push(activated(lanes, is_last));
     }
     outputs
 }

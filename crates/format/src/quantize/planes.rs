@@ -150,23 +150,55 @@ impl<'a> CodePlanes<'a> {
         bound: f32,
     ) -> Option<Moved> {
         let (encoding, [_, ny, nz]) = (quantizer.encoding(), self.retained.nodes().0);
-        let activated = |value: f32| encoding.decode.activated(value.into(), &self.activation);
+        let mut activated =
+            Memo::new(|value: f32| encoding.decode.activated(value.into(), &self.activation));
         let mut decoded = vec![0.0; nz];
         for y in 0..ny {
             for (start, end) in row::runs(self.retained.row(x, y)) {
                 let run = y * nz + start..y * nz + end;
                 let decoded = &mut decoded[..run.len()];
                 decode_codes(encoding, codes, run.clone(), decoded);
-                let is_moved = |(&value, &decoded): (&f32, &f32)| {
-                    let error = || (activated(decoded) - activated(value)).abs();
+                let mut is_moved = |(&value, &decoded): (&f32, &f32)| {
+                    if decoded == value {
+                        return false;
+                    }
+                    let error = (activated.of(decoded) - activated.of(value)).abs();
                     // NaN always exceeds the bound.
-                    decoded != value && (error().is_nan() || error() > bound.into())
+                    error.is_nan() || error > f64::from(bound)
                 };
-                if let Some(at) = values[run].iter().zip(&*decoded).position(is_moved) {
+                if let Some(at) = values[run].iter().zip(&*decoded).position(&mut is_moved) {
                     return Some(Moved { at: [y, start + at], bound });
                 }
             }
         }
         None
+    }
+}
+
+/// A function with its latest results: values that were codes before are few.
+struct Memo<F> {
+    function: F,
+    /// A result at the place of each value's bits.
+    results: Vec<(u32, f64)>,
+}
+
+impl<F: Fn(f32) -> f64> Memo<F> {
+    const BITS: u32 = 10;
+
+    fn new(function: F) -> Self {
+        // Zero is never looked for anywhere but at its own place.
+        let results = vec![(0, function(0.0)); 1 << Self::BITS];
+        Self { function, results }
+    }
+
+    fn of(&mut self, value: f32) -> f64 {
+        let bits = value.to_bits();
+        // Fibonacci hashing.
+        let place = bits.wrapping_mul(0x9e37_79b1) >> (u32::BITS - Self::BITS);
+        let (known, result) = &mut self.results[place as usize];
+        if *known != bits {
+            (*known, *result) = (bits, (self.function)(value));
+        }
+        *result
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Quality is one factor: on the errors of `--preset web`, which divide bytes well between the
 //! groups, and on the codes by which colours may move. Each factor is the eighth root of two times
-//! the next smaller one. A binary search finds the smallest factor that fits, so the result depends
-//! only on the sizes. If the largest error does not fit, the finest level is dropped, then the
+//! the next smaller one. The search for the smallest one that fits is a regula falsi (with the
+//! correction of Dowell and Jarratt 1971, "Illinois"), so the result depends only on the sizes. If the largest error does not fit, the finest level is dropped, then the
 //! next.
 
 use std::fmt;
@@ -19,6 +19,8 @@ const LARGEST: f64 = 12.5;
 /// Factors on each halving, and how many there are.
 const PER_HALVING: usize = 8;
 const STEPS: usize = 128;
+/// The step to try first: about the errors of the preset.
+const MIDDLE: usize = 29;
 
 /// A container that was packed, but not written.
 pub struct Attempt<T> {
@@ -77,39 +79,93 @@ pub fn search<T>(
 ) -> Result<(T, Chosen)> {
     let mut least = u64::MAX;
     for dropped in 0..levels {
-        let coarsest = match attempt(dropped, factor(0)) {
-            // Some levels cannot be dropped, and the remaining ones are too large.
-            Err(error)
-                if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
-            {
-                break;
-            }
-            coarsest => coarsest?,
-        };
-        least = least.min(coarsest.bytes);
-        if coarsest.bytes > max_bytes {
-            continue;
-        }
-        let (mut best, mut fits, mut too_large) = (coarsest, 0, STEPS + 1);
-        while too_large - fits > 1 {
-            let middle = (fits + too_large) / 2;
-            let tried = attempt(dropped, factor(middle))?;
-            if tried.bytes <= max_bytes {
-                (best, fits) = (tried, middle);
-            } else {
-                too_large = middle;
+        let (mut best, mut range) = (None, Range::new(max_bytes));
+        while let Some(step) = range.next() {
+            let tried = match attempt(dropped, factor(step)) {
+                // Some levels cannot be dropped, and the remaining ones are too large.
+                Err(error)
+                    if dropped > 0 && matches!(error.kind(), ErrorKind::InvalidOption { .. }) =>
+                {
+                    return Err(too_small(max_bytes, least));
+                }
+                tried => tried?,
+            };
+            least = least.min(tried.bytes);
+            if range.narrow(step, tried.bytes) {
+                best = Some((tried, step));
             }
         }
+        let Some((best, step)) = best else { continue };
         let chosen = Chosen {
             bytes: best.bytes,
-            max_error: Some(errors_of(factor(fits))),
+            max_error: Some(errors_of(factor(step))),
             nearby_coarseness: best.nearby_coarseness,
             without_finest: dropped,
         };
         return Ok((best.packed, chosen));
     }
+    Err(too_small(max_bytes, least))
+}
+
+/// The error for a limit below the smallest container.
+fn too_small(max_bytes: u64, least: u64) -> Error {
     let expected = format!("at least {least}, the smallest container of this scene");
-    Err(Error::invalid_option("max_bytes", max_bytes.to_string(), expected))
+    Error::invalid_option("max_bytes", max_bytes.to_string(), expected)
+}
+
+/// The steps between one that fits and one that is too large, once they are known, each with the
+/// bytes that it is above the limit.
+struct Range {
+    max_bytes: f64,
+    fits: Option<(usize, f64)>,
+    too_large: Option<(usize, f64)>,
+    /// Bytes from a step to the next, as long as one end is unknown.
+    slope: f64,
+    /// True if the last step fitted.
+    fitted: Option<bool>,
+}
+
+impl Range {
+    fn new(max_bytes: u64) -> Self {
+        let max_bytes = max_bytes as f64;
+        // A halving of errors adds a bit to values, of about four.
+        let slope = max_bytes / (4 * PER_HALVING) as f64;
+        Self { max_bytes, fits: None, too_large: None, slope, fitted: None }
+    }
+
+    /// The step to try next, if any is left.
+    fn next(&self) -> Option<usize> {
+        let first = self.fits.map_or(0, |(step, _)| step + 1);
+        let end = self.too_large.map_or(STEPS + 1, |(step, _)| step);
+        let step = match (self.fits, self.too_large) {
+            (None, None) => MIDDLE,
+            _ if end <= first + 2 => first,
+            (Some((fits, below)), None) => fits + (-below / self.slope) as usize,
+            (None, Some((end, above))) => end.saturating_sub((above / self.slope).ceil() as usize),
+            (Some((fits, below)), Some((end, above))) => {
+                fits + (-below / (above - below) * (end - fits) as f64) as usize
+            }
+        };
+        (first < end).then(|| step.clamp(first, end - 1))
+    }
+
+    /// Takes the size of a step. True if it fits.
+    fn narrow(&mut self, step: usize, bytes: u64) -> bool {
+        let away = bytes as f64 - self.max_bytes;
+        let fits = away <= 0.0;
+        let (near, far) = match fits {
+            true => (&mut self.fits, &mut self.too_large),
+            false => (&mut self.too_large, &mut self.fits),
+        };
+        *near = Some((step, away));
+        // An end that stays twice loses half of its weight, or the other one would creep.
+        if self.fitted == Some(fits) {
+            self.slope *= 0.5;
+            far.iter_mut().for_each(|(_, away)| *away *= 0.5);
+        }
+        self.fitted = Some(fits);
+        fits
+    }
 }
 
 /// The factor of a step, the largest first.
@@ -138,7 +194,13 @@ mod tests {
             Ok(Attempt { bytes, nearby_coarseness: None, packed: bytes })
         };
         for limit in [60, 500, 3000, 100_000] {
-            let (bytes, chosen) = search(limit, 3, bytes).expect("fits");
+            let mut tried = 0;
+            let counted = |dropped, factor| {
+                tried += 1;
+                bytes(dropped, factor)
+            };
+            let (bytes, chosen) = search(limit, 3, counted).expect("fits");
+            assert!(tried <= 10, "{tried} attempts for {limit} bytes");
             assert!(bytes <= limit && chosen.bytes == bytes);
             let finer = chosen.max_error.expect("an error").of(Group::Diffuse) * 0.9;
             assert!(limit < 444 || (100.0 / finer) as u64 > limit, "{chosen:?}");

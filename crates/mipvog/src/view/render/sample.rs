@@ -190,16 +190,20 @@ impl Renderer {
                     return sample.color;
                 }
                 let is_plain = sample.directional == [0.0; DIRECTIONAL];
-                for seen in seen.chunks(RAYS) {
-                    let own = if is_plain { &seen[..1] } else { seen };
-                    let own = own.iter().map(|&(i, _)| sample.values_from(directions.vectors[i]));
-                    let own: Vec<Vec<f32>> = own.collect();
+                let packets = directions.vectors.chunks(RAYS).zip(&directions.sums);
+                for (first, (vectors, sums)) in (0..).step_by(RAYS).zip(packets) {
+                    let seen = seen.iter().filter(|(i, _)| (first..first + RAYS).contains(i));
+                    if seen.clone().next().is_none() {
+                        continue;
+                    }
+                    let own = if is_plain { &vectors[..1] } else { vectors };
+                    let own: Vec<Vec<f32>> =
+                        own.iter().map(|&vector| sample.values_from(vector)).collect();
                     let values: Vec<&[f32]> = own.iter().map(Vec::as_slice).collect();
-                    let sums: Vec<&[f32]> =
-                        seen.iter().map(|&(i, _)| &directions.sums[i][..]).collect();
-                    let added = network.colors_of_sums(&sums, &values);
-                    for (ray, (&(_, weight), added)) in seen.iter().zip(added).enumerate() {
-                        let own = values[if is_plain { 0 } else { ray }];
+                    let added = network.colors_of_sums(sums, &values);
+                    for &(i, weight) in seen {
+                        let (own, added) =
+                            (values[if is_plain { 0 } else { i - first }], added[i - first]);
                         add(weight, [0, 1, 2].map(|channel| own[channel] + added[channel]));
                     }
                 }
@@ -221,8 +225,8 @@ impl Renderer {
 pub struct Directions {
     vectors: Vec<[f64; 3]>,
     bases: Vec<Basis>,
-    /// Empty without a network.
-    sums: Vec<Vec<f32>>,
+    /// Of each packet of directions; empty without a network.
+    sums: Vec<Vec<[f32; RAYS]>>,
     /// By direction, steps to the places in front of a point where occluders are searched, nearest
     /// first, as fractions of the box.
     places: Vec<[[f64; 3]; BEFORE]>,
@@ -244,7 +248,7 @@ impl Directions {
         let bases = vectors.iter().map(|&vector| basis(vector)).collect();
         let network = field.view().view_dependence.as_ref().and_then(ViewDependence::network);
         let sums = network.map_or_else(Vec::new, |network| {
-            vectors.iter().map(|&vector| network.direction_sums(vector)).collect()
+            vectors.chunks(RAYS).map(|packet| network.direction_sums(packet)).collect()
         });
         let (extent, step) = (field.view().bounds.extent(), field.view().march.voxel_size);
         let places = vectors.iter().map(|vector| {
