@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::guess;
 use super::interrupt;
-use super::outcome::readable;
+use super::outcome::{assumed, readable};
 use super::shell;
 use super::stdin::named;
 use crate::base::bytes::SourceFile;
@@ -29,8 +29,10 @@ fn no_field() -> Place {
 
 /// The error with the names of the command line, where the library's options are flags.
 pub(super) fn message(error: &Error) -> String {
-    let ErrorKind::InvalidOption { option, .. } = error.kind() else {
-        return named(&error.to_string());
+    let option = match error.kind() {
+        ErrorKind::InvalidOption { option, .. } => option,
+        ErrorKind::Unsupported { .. } => return named(&assumed(&error.to_string())),
+        _ => return named(&error.to_string()),
     };
     named(&error.to_string()).replacen(
         &format!("option {option}: "),

@@ -84,9 +84,17 @@ pub(super) fn write_stdout(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// The message for an assumed setting, with the flag for the library's option.
+/// The message for an assumed setting, with flags for the library's options: `option NAME` becomes
+/// `--NAME`, and `option NAME: VALUE` becomes `--NAME VALUE`.
 pub(super) fn assumed(message: &str) -> String {
-    message.replace("; option ", "; --")
+    let mut parts = message.split("option ");
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let end = part.find(|letter: char| !letter.is_ascii_lowercase() && !"-_".contains(letter));
+        let (name, rest) = part.split_at(end.unwrap_or(part.len()));
+        text += &format!("--{}{}", name.replace('_', "-"), rest.strip_prefix(':').unwrap_or(rest));
+    }
+    text
 }
 
 /// The reason to fail if warnings are denied and there are any.
@@ -154,4 +162,22 @@ pub(super) fn peak_memory_bytes() -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kilobytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_of_the_library_are_flags() {
+        let cases = [
+            ("a mask; pass the file as option coarse", "a mask; pass the file as --coarse"),
+            ("(option mlp: none leaves it out)", "(--mlp none leaves it out)"),
+            ("black; option drop_background, option view", "black; --drop-background, --view"),
+            ("no setting", "no setting"),
+        ];
+        for (message, expected) in cases {
+            assert_eq!(assumed(message), expected);
+        }
+    }
 }

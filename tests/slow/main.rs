@@ -44,6 +44,8 @@ mod numerics;
 #[cfg(unix)]
 mod paused;
 mod progress_cli;
+#[path = "../fast/output/random_scenes.rs"]
+mod random_scenes;
 #[path = "../fast/output/render_plain.rs"]
 mod render_plain;
 mod splat;

@@ -1,54 +1,15 @@
 /** Fields among what else scenes of three.js have, with WebGL and with WebGPU, which look the same: one test of each row of the README's table. */
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
-import type { Browser, Page } from "playwright-core";
-import type { Picture } from "./others/webgpu.js";
-import { CountingServer, launchWebGPU, newPage, night, openOther, psnr, ROOT } from "./support.js";
+import { test } from "node:test";
+import { drawn, green, same } from "./pictures.js";
+import { scenesOfPage } from "./scenesOfPage.js";
+import { night, psnr } from "./support.js";
 
-const server = new CountingServer();
-let browser: Browser;
-let page: Page;
-let problems: string[];
-let harmonics: string;
-let tiny: string;
-
-before(async () => {
-  await server.start();
-  const offer = (name: string) => server.offer(`${name}.mipvog`, readFileSync(join(ROOT, "fixtures", "baked", `${name}.mipvog`)));
-  [harmonics, tiny] = [offer("harmonics"), offer("tiny.rate")];
-  browser = await launchWebGPU();
-  ({ page, problems } = await newPage(browser));
-  await openOther(page, server, "webgpu");
-});
-
-after(async () => {
-  await browser.close();
-  server.stop();
-});
-
-function wrong(): string[] {
-  return problems.splice(0);
-}
-
-const green = ({ pixels }: Picture) => pixels.filter((value, at) => at % 4 === 1 && value > 250 && pixels[at - 1] < 5).length;
-const drawn = ({ pixels }: Picture) => pixels.filter((value, at) => at % 4 < 3 && value < 250).length;
-
-/** Pictures of both renderers are the same, and their depths. */
-function same([webgl, webgpu]: Picture[][], what = ""): void {
-  assert.equal(webgl.length, webgpu.length);
-  webgl.forEach((picture, number) => {
-    const likeness = psnr(picture.pixels, webgpu[number].pixels);
-    assert.ok(likeness >= 60, `${what} ${number}: ${likeness} dB`);
-    const off = Math.max(0, ...picture.depths.map((depth, at) => Math.abs(depth - webgpu[number].depths[at])));
-    assert.ok(off <= 1e-4, `${what} ${number}: depths ${off} apart`);
-  });
-}
+const scenes = scenesOfPage();
 
 night("opaque and transparent meshes hide a field and are hidden by it, with every kind of depth", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await scenes.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];
     for (const kind of ["webgl", "webgpu"] as const) {
@@ -76,7 +37,7 @@ night("opaque and transparent meshes hide a field and are hidden by it, with eve
       all.push(pictures);
     }
     return all;
-  }, harmonics);
+  }, scenes.harmonics);
   const [webgl, webgpu] = told;
   same([webgl.slice(0, 6), webgpu.slice(0, 6)]);
   for (const pictures of told) {
@@ -90,11 +51,11 @@ night("opaque and transparent meshes hide a field and are hidden by it, with eve
       });
     }
   }
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });
 
 test("a field casts no shadow and receives none", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await scenes.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];
     for (const kind of ["webgl", "webgpu"] as const) {
@@ -125,17 +86,17 @@ test("a field casts no shadow and receives none", async () => {
       await renderer.dispose();
     }
     return all;
-  }, harmonics);
+  }, scenes.harmonics);
   same(told);
   for (const [none, cast, received] of told) {
     assert.ok(psnr(none.pixels, cast.pixels) > 60, `${psnr(none.pixels, cast.pixels)} dB with a shadow`);
     assert.ok(psnr(none.pixels, received.pixels) > 60, `${psnr(none.pixels, received.pixels)} dB under a roof`);
   }
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });
 
 night("fields that overlap are drawn from far to near by their origins, and one is hidden where another's depth is before its own", async () => {
-  const told = await page.evaluate(async ([one, two]) => {
+  const told = await scenes.page.evaluate(async ([one, two]) => {
     const { RadianceField, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];
     for (const kind of ["webgl", "webgpu"] as const) {
@@ -164,7 +125,7 @@ night("fields that overlap are drawn from far to near by their origins, and one 
       await renderer.dispose();
     }
     return all;
-  }, [harmonics, tiny] as const);
+  }, [scenes.harmonics, scenes.tiny] as const);
   same(told);
   for (const pictures of told) {
     for (let at = 0; at < pictures.length; at += 3) {
@@ -173,11 +134,11 @@ night("fields that overlap are drawn from far to near by their origins, and one 
       both.depths.forEach((depth, pixel) => assert.ok(Math.abs(depth - Math.min(other.depths[pixel], field.depths[pixel])) < 1e-5));
     }
   }
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });
 
 night("a field is drawn many times, below any parent, from one set of textures", async () => {
-  const { pictures, volumes } = await page.evaluate(async (address) => {
+  const { pictures, volumes } = await scenes.page.evaluate(async (address) => {
     const { THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const own = GPUDevice.prototype.createTexture;
     let volumes = 0;
@@ -216,7 +177,7 @@ night("a field is drawn many times, below any parent, from one set of textures",
     }
     GPUDevice.prototype.createTexture = own;
     return { pictures, volumes };
-  }, harmonics);
+  }, scenes.harmonics);
   same(pictures);
   for (const [all, ...each] of pictures) {
     assert.ok(each.every((one) => drawn(one) > 60), `${each.map(drawn)}`);
@@ -224,60 +185,11 @@ night("a field is drawn many times, below any parent, from one set of textures",
   }
   // Densities, colours, directions, the table, and distances.
   assert.ok(volumes >= 4 && volumes <= 6, `${volumes} volumes`);
-  assert.deepEqual(wrong(), []);
-});
-
-night("orthographic cameras, far planes in the box, and targets of several samples", async () => {
-  const told = await page.evaluate(async (address) => {
-    const { THREE, sceneOf, rendererOf, cameraAt, load, picture, targetOf } = window.gpu;
-    const all = [];
-    for (const kind of ["webgl", "webgpu"] as const) {
-      const { scene, field } = sceneOf(address);
-      const wall = new THREE.Mesh(new THREE.PlaneGeometry(10, 10), new THREE.MeshBasicMaterial({ color: 0x00ff00, side: THREE.DoubleSide }));
-      wall.rotation.y = Math.PI / 2;
-      scene.add(wall);
-      const renderer = await rendererOf(kind);
-      const near = cameraAt([3.5, 0.8, 0]);
-      await load(renderer, scene, near.clone());
-      const pictures = [];
-      for (const start of [0.1, -20]) {
-        const camera = new THREE.OrthographicCamera(-1.4, 1.4, 1.4, -1.4, start, 20);
-        camera.position.set(10, 3, 0).setLength(start > 0 ? 6 : 0.1);
-        camera.lookAt(0, 0, 0);
-        camera.updateMatrixWorld();
-        for (const x of [-1.5, 0]) {
-          wall.position.x = x;
-          pictures.push(await picture(renderer, scene, camera.clone()));
-        }
-      }
-      wall.visible = false;
-      near.far = 3.6;
-      near.updateProjectionMatrix();
-      pictures.push(await picture(renderer, scene, near.clone()));
-      near.far = 100;
-      near.updateProjectionMatrix();
-      pictures.push(await picture(renderer, scene, near.clone()));
-      // Depths of several samples are not read.
-      pictures.push(await picture(renderer, scene, near.clone(), new THREE.WebGLRenderTarget(64, 64, { type: THREE.HalfFloatType, samples: 4 })));
-      pictures.push(await picture(renderer, scene, near.clone(), targetOf({ type: THREE.FloatType })));
-      pictures.push(await picture(renderer, scene, near.clone(), new THREE.WebGLRenderTarget(64, 64, { type: THREE.HalfFloatType, depthBuffer: false })));
-      all.push(pictures);
-      field.dispose();
-      await renderer.dispose();
-    }
-    return all;
-  }, harmonics);
-  same(told);
-  for (const pictures of told) {
-    assert.ok(green(pictures[0]) < green(pictures[1]));
-    const [cut, whole, sampled, floats, flat] = pictures.slice(4).map(({ pixels }) => pixels);
-    for (const other of [cut, sampled, floats, flat]) assert.ok(psnr(other, whole) > 40, `${psnr(other, whole)} dB`);
-  }
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });
 
 test("post-processing takes a field as part of its pass, and outputs are tone mapped and coded with all else", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await scenes.page.evaluate(async (address) => {
     const { THREE, TSL, RenderPipeline, SIZE, sceneOf, rendererOf, cameraAt, load, picture, read } = window.gpu;
     const { scene, field } = sceneOf(address);
     const renderer = await rendererOf("webgpu");
@@ -302,132 +214,18 @@ test("post-processing takes a field as part of its pass, and outputs are tone ma
     field.dispose();
     await renderer.dispose();
     return { plain: plain.pixels, direct, mapped, passed };
-  }, harmonics);
+  }, scenes.harmonics);
   assert.ok(psnr(told.direct, told.plain) > 45, `on a canvas: ${psnr(told.direct, told.plain)} dB`);
   assert.ok(psnr(told.passed, told.plain) > 45, `by a pass: ${psnr(told.passed, told.plain)} dB`);
   const linear = (value: number) => (value / 255 <= 0.04045 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4);
   const display = (value: number) => 255 * (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
   const wanted = told.plain.map((value, at) => (at % 4 === 3 ? value : display(linear(value) / (1 + linear(value)))));
   assert.ok(psnr(told.mapped, wanted) > 40, `tone mapped: ${psnr(told.mapped, wanted)} dB`);
-  assert.deepEqual(wrong(), []);
-});
-
-test("targets of several attachments, cameras of several views and the fallback to WebGL are refused once, and the rest of the scene is drawn", async () => {
-  const told = await page.evaluate(async (address) => {
-    const { THREE, TSL, SIZE, sceneOf, rendererOf, cameraAt, load, picture, read } = window.gpu;
-    const { scene, field } = sceneOf(address);
-    scene.add(new THREE.Mesh(new THREE.SphereGeometry(0.2), new THREE.MeshBasicMaterial({ color: 0x00ff00 })));
-    const errors: string[] = [];
-    field.addEventListener("failed", ({ error }) => errors.push(error.message));
-    const renderer = await rendererOf("webgpu");
-    const camera = cameraAt([3.5, 0.8, 0]);
-    await load(renderer, scene, camera);
-    const before = await picture(renderer, scene, camera);
-    const target = new THREE.WebGLRenderTarget(SIZE, SIZE, { count: 2 });
-    target.textures[0].name = "output";
-    target.textures[1].name = "normal";
-    renderer.setMRT(TSL.mrt({ output: TSL.output, normal: TSL.normalView }));
-    renderer.setRenderTarget(target);
-    for (let i = 0; i < 2; i++) renderer.render(scene, camera);
-    const several = await read(renderer, target);
-    renderer.setMRT(null);
-    const eye = cameraAt([3.5, 0.8, 0]) as import("three").PerspectiveCamera & { viewport: import("three").Vector4 };
-    eye.viewport = new THREE.Vector4(0, 0, SIZE, SIZE);
-    const views = new THREE.ArrayCamera([eye]);
-    views.position.copy(camera.position);
-    views.quaternion.copy(camera.quaternion);
-    views.updateMatrixWorld();
-    const one = new THREE.WebGLRenderTarget(SIZE, SIZE, { type: THREE.HalfFloatType });
-    renderer.setRenderTarget(one);
-    for (let i = 0; i < 2; i++) renderer.render(scene, views);
-    renderer.setRenderTarget(null);
-    const after = await picture(renderer, scene, camera);
-    const fallback = await rendererOf("webgpu", { forceWebGL: true });
-    fallback.setRenderTarget(one);
-    for (let i = 0; i < 2; i++) fallback.render(scene, cameraAt([3.5, 0.8, 0]));
-    fallback.setRenderTarget(null);
-    let late = "";
-    try {
-      field.pick(renderer as never, camera, 0.5, 0.5);
-    } catch (error) {
-      late = String(error);
-    }
-    const hits = new THREE.Raycaster(camera.position, camera.position.clone().negate().normalize()).intersectObject(field);
-    field.dispose();
-    await renderer.dispose();
-    return { before, after, several, errors, late, hits: hits.length };
-  }, harmonics);
-  assert.deepEqual(told.errors, [
-    "A field is not drawn into a target of several color attachments.",
-    "With WebGPU, a field is not drawn for a camera of several views.",
-    "A WebGPURenderer that falls back to WebGL 2 does not draw fields.",
-  ]);
-  assert.match(told.late, /FieldError: Renderers for WebGPU answer later/);
-  assert.equal(told.hits, 0);
-  assert.deepEqual(told.after, told.before);
-  const mesh = told.several.filter((value, at) => at % 4 === 1 && value === 255 && told.several[at - 1] === 0).length;
-  assert.ok(mesh > 10, `${mesh} pixels of the mesh`);
-  const expected = [...told.errors.map((message) => `error: ${message}`), "warning: Rays do not hit"];
-  assert.deepEqual(wrong().filter((problem) => !expected.some((start) => problem.startsWith(start)) && !/is not compatible/.test(problem)), []);
-});
-
-night("fifty fields come and go without a trace on the device", async () => {
-  const { held, levels } = await page.evaluate(async (address) => {
-    const { RadianceField, rendererOf, cameraAt, THREE, targetOf, picture } = window.gpu;
-    const held = new Map<object, number>();
-    const [device, texture, buffer] = [GPUDevice.prototype, GPUTexture.prototype, GPUBuffer.prototype];
-    const own = { createTexture: device.createTexture, createBuffer: device.createBuffer, texture: texture.destroy, buffer: buffer.destroy };
-    device.createTexture = function (descriptor) {
-      const made = own.createTexture.call(this, descriptor);
-      held.set(made, 1);
-      return made;
-    };
-    device.createBuffer = function (descriptor) {
-      const made = own.createBuffer.call(this, descriptor);
-      held.set(made, 1);
-      return made;
-    };
-    texture.destroy = function () {
-      held.delete(this);
-      own.texture.call(this);
-    };
-    buffer.destroy = function () {
-      held.delete(this);
-      own.buffer.call(this);
-    };
-    const renderer = await rendererOf("webgpu");
-    const camera = cameraAt([3.5, 0.8, 0]);
-    const bytes = await (await fetch(address)).arrayBuffer();
-    const target = targetOf({}, 8);
-    const scene = new THREE.Scene();
-    const counts: [number, number, number][] = [];
-    let levels = 0;
-    for (let cycle = 0; cycle < 50; cycle++) {
-      const field = new RadianceField(bytes.slice(0));
-      scene.add(field);
-      await field.finished;
-      renderer.setRenderTarget(target);
-      for (let frame = 0; frame < 100 && (field.waiting || field.finest !== 0); frame++) renderer.render(scene, camera);
-      levels += Number(field.finest === 0);
-      await field.pickAsync(renderer, camera, 0.5, 0.5);
-      scene.remove(field);
-      field.dispose();
-      renderer.render(scene, camera);
-      counts.push([held.size, renderer.info.memory.geometries, renderer.info.memory.textures]);
-    }
-    await picture(renderer, scene, camera);
-    Object.assign(device, { createTexture: own.createTexture, createBuffer: own.createBuffer });
-    [texture.destroy, buffer.destroy] = [own.texture, own.buffer];
-    await renderer.dispose();
-    return { held: counts, levels };
-  }, harmonics);
-  assert.equal(levels, 50);
-  assert.deepEqual(held.at(-1), held[4], `${held.join(" | ")}`);
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });
 
 night("fog, clipping planes and opacity do not change a field, and materials of passes leave it out", async () => {
-  const told = await page.evaluate(async (address) => {
+  const told = await scenes.page.evaluate(async (address) => {
     const { ClippingGroup, THREE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
     const all = [];
     for (const kind of ["webgl", "webgpu"] as const) {
@@ -457,95 +255,18 @@ night("fog, clipping planes and opacity do not change a field, and materials of 
       await renderer.dispose();
     }
     return all;
-  }, harmonics);
+  }, scenes.harmonics);
   same(told);
   for (const [plain, changed, passed, again] of told) {
     assert.ok(drawn(plain) > 500);
     assert.ok(psnr(plain.pixels, changed.pixels) > 60 && psnr(plain.pixels, again.pixels) > 60);
     assert.equal(drawn(passed), 0);
   }
-  assert.deepEqual(wrong(), []);
-});
-
-night("with WebGL, fifty fields come and go without a trace on the device", async () => {
-  const { held, levels } = await page.evaluate(async (address) => {
-    const { RadianceField, rendererOf, cameraAt, THREE, targetOf } = window.gpu;
-    const { prototype } = WebGL2RenderingContext;
-    const held = new Set<object>();
-    const names = ["Texture", "Buffer", "VertexArray", "Framebuffer"] as const;
-    type Make = () => object;
-    type Free = (made: object | null) => void;
-    const methods = prototype as unknown as Record<string, Make & Free>;
-    const own = names.map((name): [Make, Free] => [methods[`create${name}`], methods[`delete${name}`]]);
-    names.forEach((name, number) => {
-      methods[`create${name}`] = function (this: WebGL2RenderingContext) {
-        const made = own[number][0].call(this);
-        held.add(made);
-        return made;
-      } as Make & Free;
-      methods[`delete${name}`] = function (this: WebGL2RenderingContext, made: object | null) {
-        if (made) held.delete(made);
-        own[number][1].call(this, made);
-      } as Make & Free;
-    });
-    const renderer = await rendererOf("webgl");
-    const camera = cameraAt([3.5, 0.8, 0]);
-    const bytes = await (await fetch(address)).arrayBuffer();
-    const scene = new THREE.Scene();
-    const target = targetOf({}, 8);
-    const counts: [number, number, number][] = [];
-    let levels = 0;
-    for (let cycle = 0; cycle < 50; cycle++) {
-      const field = new RadianceField(bytes.slice(0));
-      scene.add(field);
-      await field.finished;
-      renderer.setRenderTarget(target);
-      for (let frame = 0; frame < 100 && (field.waiting || field.finest !== 0); frame++) renderer.render(scene, camera);
-      levels += Number(field.finest === 0);
-      field.pick(renderer, camera, 0.5, 0.5);
-      scene.remove(field);
-      field.dispose();
-      renderer.render(scene, camera);
-      counts.push([held.size, renderer.info.memory.geometries, renderer.info.programs!.length]);
-    }
-    names.forEach((name, number) => ([methods[`create${name}`], methods[`delete${name}`]] = own[number] as unknown as [Make & Free, Make & Free]));
-    renderer.dispose();
-    return { held: counts, levels };
-  }, harmonics);
-  assert.equal(levels, 50);
-  assert.deepEqual(held.at(-1), held[4], `${held.join(" | ")}`);
-  assert.deepEqual(wrong(), []);
-});
-
-test("with WebGL, a headset's cameras each see the field from their place", async () => {
-  const { both, left, right } = await page.evaluate(async (address) => {
-    const { THREE, SIZE, sceneOf, rendererOf, cameraAt, load, picture, targetOf } = window.gpu;
-    const { scene, field } = sceneOf(address);
-    const renderer = await rendererOf("webgl");
-    const eyes = [cameraAt([3.5, 0.8, -0.3]), cameraAt([3.5, 0.8, 0.3])] as (import("three").PerspectiveCamera & { viewport: import("three").Vector4 })[];
-    eyes.forEach((eye, number) => (eye.viewport = new THREE.Vector4(number * SIZE, 0, SIZE, SIZE)));
-    const views = new THREE.ArrayCamera(eyes);
-    views.position.copy(eyes[0].position);
-    views.quaternion.copy(eyes[0].quaternion);
-    views.projectionMatrix.copy(eyes[0].projectionMatrix);
-    views.updateMatrixWorld();
-    await load(renderer, scene, cameraAt([3.5, 0.8, 0]));
-    const target = targetOf();
-    target.setSize(2 * SIZE, SIZE);
-    const both = (await picture(renderer, scene, views, target)).pixels;
-    const [left, right] = [(await picture(renderer, scene, cameraAt([3.5, 0.8, -0.3]))).pixels, (await picture(renderer, scene, cameraAt([3.5, 0.8, 0.3]))).pixels];
-    field.dispose();
-    renderer.dispose();
-    return { both, left, right };
-  }, harmonics);
-  const half = (number: number) => Array.from({ length: 64 }, (_, row) => both.slice(4 * (128 * row + 64 * number), 4 * (128 * row + 64 * number + 64))).flat();
-  for (const [number, eye] of [left, right].entries()) assert.ok(psnr(half(number), eye) > 60, `eye ${number}: ${psnr(half(number), eye)} dB`);
-  assert.ok(psnr(left, right) < 40);
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });
 
 test("with WebGL, a canvas shows a field's colours as trained, whatever the tone mapping", async () => {
-  const [plain, mapped, background] = await page.evaluate(async (address) => {
+  const [plain, mapped, background] = await scenes.page.evaluate(async (address) => {
     const { THREE, SIZE, sceneOf, rendererOf, cameraAt, load } = window.gpu;
     const { scene, field } = sceneOf(address);
     const renderer = await rendererOf("webgl");
@@ -566,8 +287,8 @@ test("with WebGL, a canvas shows a field's colours as trained, whatever the tone
     field.dispose();
     renderer.dispose();
     return pictures;
-  }, harmonics);
+  }, scenes.harmonics);
   assert.deepEqual(mapped, plain);
   assert.ok(psnr(plain, background) < 30);
-  assert.deepEqual(wrong(), []);
+  assert.deepEqual(scenes.wrong(), []);
 });

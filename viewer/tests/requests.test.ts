@@ -149,10 +149,13 @@ test("the first picture takes two requests, none is broken off, and those that f
   server.gate = first;
   await page.evaluate((address) => {
     const field = new window.lib.RadianceField(address);
+    Object.assign(window, { gated: field });
     return new Promise<void>((done) => field.addEventListener("change", () => done()));
   }, address);
   assert.equal(server.ends.length, 2);
   server.open(Infinity);
+  // Or one of its requests would be the one that fails.
+  assert.equal(await page.evaluate(() => (window as unknown as { gated: { finished: Promise<void> } }).gated.finished.then(() => "whole")), "whole");
   server.failing = 1;
   assert.equal(await load(), "whole");
   server.starts.length = 0;

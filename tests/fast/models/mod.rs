@@ -12,6 +12,7 @@ mod model_lies;
 mod nanovdb;
 mod nerfacto;
 mod ngp;
+mod ngp_lies;
 mod open_inputs;
 mod shown;
 mod small_models;

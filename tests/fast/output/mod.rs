@@ -5,6 +5,7 @@ mod compare;
 mod gltf;
 mod mesh;
 mod mesh_world;
+mod random_scenes;
 mod render_plain;
 mod splat;
 mod splat_files;

@@ -26,6 +26,7 @@ mod model;
 mod open;
 mod settings;
 mod space;
+mod table_sizes;
 mod world;
 
 pub use open::{knows, open_tensors};

@@ -29,6 +29,7 @@
 mod evaluate;
 mod file;
 mod frame;
+mod keys;
 mod model;
 mod occupancy;
 mod open;

@@ -10,6 +10,7 @@
 
 use super::file::{Growth, NgpFile, Rules, check_network};
 use super::frame::Frame;
+use super::keys::Keys;
 use super::occupancy::{Crop, Occupancy};
 use super::ratio::ratio;
 use crate::base::error::{Error, NEWER, Place, Result};
@@ -20,7 +21,7 @@ use crate::model::harmonics::FUNCTIONS;
 use crate::model::ray_march::GrowingSteps;
 use crate::options::SourceOptions;
 use crate::packets::{Levels, Matrix, Sizes, Values};
-use crate::tensor::{Tensor, TensorFile, Value};
+use crate::tensor::{TensorFile, Value};
 
 /// Nodes along an axis of the finest level, for each unit cube.
 const FINEST: f64 = 2048.0;
@@ -44,58 +45,6 @@ const VERSION: i64 = 1;
 /// The rendered box in the unit cube's axes, and its rotation.
 const CROP: &str = "snapshot.render_aabb";
 const CROP_TURN: &str = "snapshot.render_aabb_to_local";
-
-/// The value at a path of keys.
-struct Keys<'a>(&'a Value);
-
-impl<'a> Keys<'a> {
-    fn find(&self, path: &str) -> Option<&'a Value> {
-        let mut value = self.0;
-        for key in path.split('.') {
-            value = value.get(key)?;
-        }
-        (!value.is_none()).then_some(value)
-    }
-
-    fn integer(&self, path: &str, default: Option<i64>, most: i64) -> Result<i64> {
-        let found = match (self.find(path), default) {
-            (None, Some(default)) => default,
-            (found, _) => found.unwrap_or(&Value::None).integer(path)?,
-        };
-        if (0..=most).contains(&found) {
-            return Ok(found);
-        }
-        let place = Place::Key(path.to_owned());
-        Err(Error::malformed(place, found.to_string(), format!("0 to {most}")))
-    }
-
-    fn number(&self, path: &str, default: f64) -> Result<f64> {
-        self.find(path).map_or(Ok(default), |value| value.number(path))
-    }
-
-    /// Refuses unexpected texts. A missing one counts as the first.
-    fn text(&self, path: &str, expected: &[&str]) -> Result<()> {
-        let found = match self.find(path) {
-            None => return Ok(()),
-            Some(Value::Text(text)) => text.clone(),
-            Some(other) => other.describe(),
-        };
-        let known = expected.iter().any(|known| known.eq_ignore_ascii_case(&found));
-        let refuse = || {
-            let place = Place::Key(path.to_owned());
-            Error::unsupported(place, format!("{found:?}"), expected.join(" or "))
-        };
-        known.then_some(()).ok_or_else(refuse)
-    }
-
-    fn tensor(&self, path: &str) -> Result<&'a Tensor> {
-        let found = self.find(path).unwrap_or(&Value::None);
-        found.tensor().ok_or_else(|| {
-            let place = Place::Key(path.to_owned());
-            Error::malformed(place, found.describe(), "a binary value")
-        })
-    }
-}
 
 /// Reads everything but the parameters.
 pub(super) fn read(file: &TensorFile, options: &SourceOptions, limits: &Limits) -> Result<NgpFile> {
