@@ -49,6 +49,17 @@ const OTHER_NAMES: [(&str, &str); 13] = [
 /// extension.
 const KINDS: [&str; 4] = ["ply", "spz", "png", "exr"];
 
+/// Extensions of meshes in formats that are not written.
+const MESHES: [&str; 4] = ["dae", "fbx", "obj", "stl"];
+
+/// The remedy for them.
+pub const OF_MESHES: &str = "write a mesh as .glb; other programs convert it";
+
+/// True for the extension of a mesh in a format that is not written.
+pub fn is_mesh(extension: &str) -> bool {
+    MESHES.contains(&&*extension.to_lowercase())
+}
+
 /// Other names of a format.
 pub fn other_names(format: &str) -> impl Iterator<Item = &'static str> {
     OTHER_NAMES.into_iter().filter(move |(_, own)| *own == format).map(|(other, _)| other)
@@ -83,6 +94,9 @@ pub fn format_of(name: Option<&str>, output: &Path) -> Result<&'static dyn Expor
     found.ok_or_else(|| {
         let names = FORMATS.map(|format| format.name()).join(", ");
         let message = format!("-o {}: the name does not say the format", output.display());
-        Error::usage(message).advise(format!("pass --to with one of {names}"))
+        Error::usage(message).advise(match extension.is_some_and(is_mesh) {
+            true => OF_MESHES.to_owned(),
+            false => format!("pass --to with one of {names}; html and snerg write folders"),
+        })
     })
 }

@@ -112,9 +112,10 @@ pub fn check_kind(asset: &Asset, output: &Path) -> Result<()> {
     let is_glb = asset.chunks().is_some();
     match gltf::is_glb(output) {
         Ok(named_glb) if named_glb != is_glb => {
-            let kind = if is_glb { "a .glb" } else { "a .gltf" };
-            let message = format!("{} is {kind}, and stays one", asset.path().display());
-            Err(Error::usage(message))
+            let kind = if is_glb { "glb" } else { "gltf" };
+            let (asset, output) = (asset.path().display(), output.with_extension(kind));
+            let message = format!("{asset} is a .{kind}, so the output must be one, too");
+            Err(Error::usage(message).advise(format!("-o {}", output.display())))
         }
         _ => Ok(()),
     }

@@ -109,6 +109,11 @@ impl CameraArguments {
         self.turntable.map(usize::from)
     }
 
+    /// The picture size, if it is given.
+    pub fn size(&self) -> Option<[usize; 2]> {
+        self.size.map(|Size(size)| size)
+    }
+
     /// Picture size of cameras that no file tells the size of.
     pub fn made_size(&self) -> [usize; 2] {
         self.size.map_or(DEFAULT_SIZE, |Size(size)| size)
@@ -122,6 +127,15 @@ impl CameraArguments {
             (None, None) => {
                 Err(Error::usage("there are no cameras: pass --cameras FILE or --turntable N"))
             }
+        }
+    }
+
+    /// Warns of a turntable around a world, which is made to be seen from inside.
+    pub fn warn_of_world(&self, field: &Renderer, common: &Common) {
+        if self.turntable.is_some() && !field.view().boxes.is_empty() {
+            let message = "--turntable looks at the innermost box of this world from outside it; \
+                           without cameras, pictures are taken from inside";
+            warn(message, common);
         }
     }
 

@@ -33,6 +33,9 @@ use crate::view::render::{LevelChoice, Renderer};
 const FIGURES: &str = "PSNR: mean of the frames; pooled: of the error over all their pixels; largest \
                        and 99 %: error of a channel, 0 to 1; diffuse, opacity: PSNR of these alone";
 
+/// Extensions that nobody gives a folder.
+const PICTURES: [&str; 5] = ["exr", "jpeg", "jpg", "png", "webp"];
+
 /// Measure the error of a field at every scale
 ///
 /// The reference is rendered at full size and averaged down to each scale. The field is rendered
@@ -118,6 +121,12 @@ pub(super) struct CompareReport {
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(folder) = &arguments.output {
         refuse_stdout(folder, "heat maps go into a folder, or a page into a file")?;
+        let extension = folder.extension().and_then(|extension| extension.to_str());
+        let is_picture = extension.is_some_and(|own| PICTURES.contains(&&*own.to_lowercase()));
+        if is_picture && !folder.is_dir() {
+            let message = format!("-o {}: found the name of a picture", folder.display());
+            return Err(Error::usage(message).advise("name a folder for heat maps, or a page.html"));
+        }
     }
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Render, 1.0)]);
@@ -140,17 +149,24 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         true => scene.of_container(),
         false => scene.clone(),
     });
-    let field = of_field.open(&arguments.field, which, arguments.filter, cameras, common)?;
+    let mut field = of_field.open(&arguments.field, which, arguments.filter, cameras, common)?;
     check_levels(arguments.level_of_detail, &field)?;
     let reference = if pictures {
         let folder = arguments.reference.clone();
         let background = scene.background.map_or(field.view().background, |Background(b)| b);
         Reference::Pictures { folder, background, limits: common.limits() }
     } else {
-        let opened = of_reference.open(&arguments.reference, which, None, cameras, common)?;
+        let mut opened = of_reference.open(&arguments.reference, which, None, cameras, common)?;
         arguments.warn_of_settings(&opened, common)?;
+        if cameras.is_none() {
+            of_reference.see_all(&mut opened);
+        }
         Reference::Field(Box::new(opened))
     };
+    if cameras.is_none() {
+        of_field.see_all(&mut field);
+    }
+    arguments.cameras.warn_of_world(&field, common);
     let cameras = match arguments.cameras.given() {
         true => arguments.cameras.cameras(&field.view().bounds, common)?,
         false if pictures => {
@@ -193,15 +209,21 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         settings: Settings::of(field.view()),
         scales: errors,
     };
-    let both_fields = matches!(reference, Reference::Field(_));
+    let both_have_levels = match &reference {
+        Reference::Field(other) => other.levels() > 1 && field.levels() > 1,
+        Reference::Pictures { .. } => false,
+    };
     if let (Some(path), Some(page)) = (arguments.page(), page) {
-        let page =
-            page.finish(&report.title(), &errors_table(&report.scales), &report.notes(both_fields));
+        let page = page.finish(
+            &report.title(),
+            &errors_table(&report.scales),
+            &report.notes(both_have_levels),
+        );
         made.write(path, page.as_bytes(), arguments.force)?;
     }
     made.keep();
     drop(bar);
-    Outcome::new("compare", &report, report.text(both_fields, common))
+    Outcome::new("compare", &report, report.text(both_have_levels, common))
 }
 
 /// A table of errors.
@@ -306,8 +328,8 @@ impl CompareReport {
     }
 
     /// The meaning of the figures.
-    fn meaning(&self, both_fields: bool) -> Option<&'static str> {
-        match (self.measures, both_fields) {
+    fn meaning(&self, both_have_levels: bool) -> Option<&'static str> {
+        match (self.measures, both_have_levels) {
             (Measures::Difference, _) => Some("both rendered at the size of each scale"),
             (Measures::AgainstFullSize, _) if self.scales.len() <= 1 => None,
             (Measures::AgainstFullSize, true) => Some(
@@ -322,16 +344,16 @@ impl CompareReport {
     }
 
     /// The notes of a page.
-    fn notes(&self, both_fields: bool) -> Vec<String> {
+    fn notes(&self, both_have_levels: bool) -> Vec<String> {
         let settings = self.settings.values();
         let settings = settings.map(|(name, value)| format!("{name} {value}")).join(", ");
-        let meaning = self.meaning(both_fields).map(str::to_owned);
+        let meaning = self.meaning(both_have_levels).map(str::to_owned);
         let frames = counted(self.frames, "frame");
         let settings = format!("{frames}; settings of the field: {settings}");
         [FIGURES.to_owned()].into_iter().chain(meaning).chain([settings]).collect()
     }
 
-    fn text(&self, both_fields: bool, common: &Common) -> String {
+    fn text(&self, both_have_levels: bool, common: &Common) -> String {
         let psnr = self.scales.iter().find(|errors| errors.scale == 1);
         let psnr = psnr.map_or_else(String::new, |full| format!("{:.2} dB, ", full.pooled_psnr));
         let frames = counted(self.frames, "frame");
@@ -342,7 +364,7 @@ impl CompareReport {
         if common.verbose {
             add(FIGURES);
         }
-        if let Some(meaning) = self.meaning(both_fields) {
+        if let Some(meaning) = self.meaning(both_have_levels) {
             add(meaning);
         }
         text + &self.settings.text()

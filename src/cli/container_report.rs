@@ -218,14 +218,9 @@ pub(super) fn levels_text(levels: &[LevelReport], shells: &[LevelReport], errors
     if !errors {
         return text;
     }
-    let moved =
-        rows.iter().flat_map(|(_, level)| &level.groups).filter_map(|group| group.moved_error);
-    if let Some(moved) = moved.reduce(f32::max) {
-        let line = format!(
-            "  where viewers nearby see little, colours differ by up to {moved:.2}, more than the \
-             largest error in the table"
-        );
-        text += &(folded(&line, columns(), 4) + "\n");
+    if rows.iter().flat_map(|(_, level)| &level.groups).any(|group| group.moved_error.is_some()) {
+        let line = "  errors are of what can be seen; colours inside matter may differ by more";
+        text += &(folded(line, columns(), 4) + "\n");
     }
     text
 }

@@ -169,7 +169,7 @@ fn export(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let in_file = |error: Error| error.in_file(&arguments.field);
     let exported = format.write(&source, &options, &mut files, &bar).map_err(in_file)?;
     lost.extend(exported.lost);
-    let size = [format.side(); 2];
+    let size = arguments.cameras.size().unwrap_or([format.side(); 2]);
     let cameras = match cameras.is_empty() {
         true if source.world.is_some() => panorama(&source.field, VIEWS, size, &bar)?,
         true => vec![overview(&source.field, size, &bar)?],

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::layout::{columns, folded};
+use super::layout::{columns, folded, grouped};
 use super::outcome::{counted, readable};
 use mipvog_outputs::export_files::FileReport;
 
@@ -44,18 +44,45 @@ pub(super) struct ExportReport {
     pub(super) details: Map<String, Value>,
 }
 
+/// Most files that are listed.
+const LISTED: usize = 8;
+/// PSNR of equal pictures.
+const IDENTICAL: f64 = 200.0;
+
 impl ExportReport {
     /// The text of the report.
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
         let mut add = |line: &str| text += &(folded(line, columns(), 4) + "\n");
-        for file in &self.files {
-            add(&format!("{}: {}", file.path, readable(file.bytes)));
+        let count = |name: &str| self.details.get(name).and_then(Value::as_u64);
+        let counts = ["triangles", "splats", "voxels"]
+            .into_iter()
+            .filter_map(|name| Some(format!(", {} {name}", grouped(count(name)?))));
+        let counts: String = counts.collect();
+        match self.files.as_slice() {
+            files if files.len() > LISTED => {
+                let count = counted(files.len(), "file");
+                add(&format!("{}: {count}, {}", self.output, readable(self.output_bytes)));
+            }
+            files => {
+                for (number, file) in files.iter().enumerate() {
+                    let counts = if number == 0 { counts.as_str() } else { "" };
+                    add(&format!("{}: {}{counts}", file.path, readable(file.bytes)));
+                }
+            }
         }
         let pictures = counted(self.cameras, "picture");
         if let Some(psnr) = self.pooled_psnr {
             let [width, height] = self.picture_size;
-            add(&format!("  {psnr:.2} dB against the field, {pictures} of {width}x{height}"));
+            let field = match self.level {
+                0 => "the field".to_owned(),
+                level => format!("level {level} of the field"),
+            };
+            let said = match psnr < IDENTICAL {
+                true => format!("{psnr:.2} dB against {field}"),
+                false => format!("identical to {field}"),
+            };
+            add(&format!("  {said}, {pictures} of {width}x{height}"));
         }
         for lost in &self.lost {
             add(&format!("  lost: {lost}"));

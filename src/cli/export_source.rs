@@ -85,10 +85,7 @@ impl FieldRequest<'_> {
             }
         }
         if self.cameras.is_none() {
-            // These bounds are of the cameras that the scene was trained from. From elsewhere they
-            // would cut parts off.
-            let march = &mut field.view_mut().march;
-            (march.near, march.far) = (self.scene.near.unwrap_or(0.0), self.scene.far);
+            self.scene.see_all(&mut field);
         }
         if let Some(crop) = &options.crop {
             field.crop(crop)?;

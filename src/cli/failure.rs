@@ -32,6 +32,11 @@ pub(super) fn message(error: &Error) -> String {
     let option = match error.kind() {
         ErrorKind::InvalidOption { option, .. } => option,
         ErrorKind::Unsupported { .. } => return named(&assumed(&error.to_string())),
+        // Verbs take more than models.
+        ErrorKind::WrongKind { expected, .. } if *expected == tensor::expected() => {
+            let all = format!("a .mipvog container, a glTF asset with one, {expected}");
+            return named(&error.to_string().replacen(expected, &all, 1));
+        }
         _ => return named(&error.to_string()),
     };
     named(&error.to_string()).replacen(
@@ -83,6 +88,14 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
         }
         ErrorKind::Malformed { .. } if *error.place() == no_field() => {
             "put a container in with mipvog-bake attach, or name a container".into()
+        }
+        ErrorKind::Malformed { .. }
+            if !matches!(error.place(), Place::Line(_))
+                && error
+                    .file()
+                    .is_some_and(|file| file.extension().is_some_and(|e| e == "jsonl")) =>
+        {
+            "a list of scenes is the manifest of a bake: bake --manifest".into()
         }
         ErrorKind::Malformed { .. } if matches!(error.place(), Place::Line(_)) => {
             "correct this line".into()
@@ -140,7 +153,8 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
 /// True if a run with this exit code is worth retrying.
 pub(super) fn retry(exit_code: u8) -> &'static str {
     match exit_code {
-        5 | 130 | 143 => "yes",
+        5 => "yes, unless the file is missing",
+        130 | 143 => "yes",
         6 | 137 => "with more memory",
         _ => "no",
     }

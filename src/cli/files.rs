@@ -9,6 +9,9 @@ use super::layout::{columns, folded};
 use super::outcome::Outcome;
 use crate::base::error::Result;
 
+/// Failures in the last line, which the report above it lists.
+const NAMED: usize = 3;
+
 /// Runs a verb on each file. One file has its own report. Several files share a report with a list
 /// `files`; a failed file is listed there and does not stop the others.
 ///
@@ -48,6 +51,13 @@ pub fn for_each_file(
     let (count, failed) = (files.len(), failures.len());
     text += &format!("{count} files, {failed} failed\n");
     let outcome = Outcome::new(verb, &json!({ "files": reports, "failed": failed }), text)?;
-    let reason = || format!("{failed} of {count} files failed: {}", failures.join("; "));
+    let reason = || {
+        let more = match failures.len().checked_sub(NAMED) {
+            None | Some(0) => String::new(),
+            Some(more) => format!(" and {more} more"),
+        };
+        let named: Vec<&str> = failures.iter().take(NAMED).map(String::as_str).collect();
+        format!("{failed} of {count} files failed: {}{more}", named.join("; "))
+    };
     Ok(Outcome { failure: (failed > 0).then(reason), ..outcome })
 }

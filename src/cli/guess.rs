@@ -12,6 +12,7 @@ use super::shell;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::container::is_container;
+use crate::formats::{OF_MESHES, is_mesh};
 use mipvog_inputs::tensor::extensions;
 use mipvog_outputs::gltf::asset::is_asset;
 
@@ -28,6 +29,14 @@ const CAMERAS: [&str; 6] = [
 ];
 /// Extensions of files that verbs read, beside those of trained models.
 const OWN_INPUTS: [&str; 2] = ["glb", "mipvog"];
+/// Extensions of packed files, which are not unpacked here.
+const PACKED: [&str; 5] = ["bz2", "gz", "xz", "zip", "zst"];
+/// Messages of parsing numbers, and what they mean.
+const PARSING: [(&str, &str); 3] = [
+    ("invalid float literal", "expected a number"),
+    ("invalid digit found in string", "expected a whole number, 0 or more"),
+    ("cannot parse integer from empty string", "expected a whole number"),
+];
 /// Maximum files of a folder in a message.
 const NAMED: usize = 3;
 
@@ -55,19 +64,29 @@ fn inner(path: PathBuf, names: &[&str], is_whole: bool) -> PathBuf {
 
 /// The remedy for a folder in place of a file: it may hold files of a supported kind.
 pub fn of_folder(folder: &Path) -> String {
-    let is_read = |path: &PathBuf| {
-        let extension = path.extension().and_then(|extension| extension.to_str());
-        extension.is_some_and(|own| OWN_INPUTS.into_iter().chain(extensions()).any(|of| of == own))
-    };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut found: Vec<PathBuf> =
-        entries.map(|entry| entry.path()).filter(|path| path.is_file() && is_read(path)).collect();
-    found.sort_unstable();
-    let names: Vec<String> =
-        found.iter().take(NAMED).map(|path| path.display().to_string()).collect();
-    match names.is_empty() {
-        true => "pass a file instead of a folder".to_owned(),
-        false => format!("pass a file in it: {}", names.join(", ")),
+    let mut files: Vec<PathBuf> =
+        entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    files.sort_unstable();
+    let extension = |path: &PathBuf| Some(path.extension()?.to_str()?.to_owned());
+    let is_read = |path: &&PathBuf| {
+        let known = || OWN_INPUTS.into_iter().chain(extensions());
+        // Settings and cameras are JSON too.
+        extension(path).is_some_and(|own| own != "json" && known().any(|of| of == own))
+    };
+    let named = |files: Vec<&PathBuf>| {
+        let names = files.into_iter().take(NAMED).map(|path| path.display().to_string());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let found: Vec<&PathBuf> = files.iter().filter(is_read).collect();
+    let packed = |path: &&PathBuf| extension(path).is_some_and(|own| PACKED.contains(&&*own));
+    let packed: Vec<&PathBuf> = files.iter().filter(packed).collect();
+    match (found.is_empty(), packed.is_empty()) {
+        (false, _) => format!("pass a file in it: {}", named(found)),
+        (true, false) => format!("unpack the file in it, and pass it: {}", named(packed)),
+        (true, true) => {
+            "pass a file instead of a folder: a model, a container, or cameras such as transforms.json".to_owned()
+        }
     }
 }
 
@@ -98,11 +117,25 @@ pub fn mistaken(
         Mistake::UnknownArgument => {
             let word = text(ContextKind::InvalidArg)?;
             let (at, verb) = verb_of(words, program)?;
+            if verb.get_name() == "report" && ["--to", "-o", "--output"].contains(&&*word) {
+                return Some(Mistaken {
+                    message: format!("report has no option {word}"),
+                    help: "--junit FILE.xml writes the results as JUnit's XML".to_owned(),
+                });
+            }
             match word.strip_prefix("--") {
                 Some(name) => an_option_of_others(name, verb, (at, words), program),
                 None if word.starts_with('-') => None,
-                None => a_second_path(&word, verb),
+                None => a_second_path(&word, verb, words),
             }
+        }
+        Mistake::InvalidValue => {
+            let value = text(ContextKind::InvalidValue)?;
+            let of_format = text(ContextKind::InvalidArg)?.starts_with("--to ");
+            (of_format && is_mesh(&value)).then(|| Mistaken {
+                message: format!("--to {value}: found a format that is not written"),
+                help: OF_MESHES.to_owned(),
+            })
         }
         Mistake::MissingRequiredArgument => {
             let (at, verb) = verb_of(words, program)?;
@@ -112,6 +145,25 @@ pub fn mistaken(
         }
         _ => None,
     }
+}
+
+/// The parser's message without what helps nobody: how to pass options as paths, where to find the
+/// options of a value that is wrong, and names of Rust's errors.
+pub fn words_of(error: &clap::Error) -> String {
+    let is_value = matches!(error.kind(), Mistake::InvalidValue | Mistake::ValueValidation);
+    let text = error.to_string();
+    let kept = text.trim_start_matches("error: ").lines().filter(|line| {
+        let is_hint = is_value && line.starts_with("For more information");
+        !is_hint && !line.trim_start().starts_with("tip: to pass '")
+    });
+    let mut words = kept.collect::<Vec<_>>().join("\n");
+    for (found, plain) in PARSING {
+        words = words.replace(found, plain);
+    }
+    while words.contains("\n\n\n") {
+        words = words.replace("\n\n\n", "\n\n");
+    }
+    words.trim_end().to_owned()
 }
 
 /// The verb of a command line, and its place.
@@ -169,7 +221,13 @@ fn no_output(words: &[OsString]) -> Option<Mistaken> {
     let paths: Vec<&OsString> = words.iter().take_while(is_path).collect();
     let (input, output) = match *paths {
         [input] => (input, container_name(Path::new(input))),
-        [input, output] => (input, PathBuf::from(output)),
+        [input, output] if !Path::new(output).exists() => (input, PathBuf::from(output)),
+        [_, _, ..] => {
+            return Some(Mistaken {
+                message: "there is no output".to_owned(),
+                help: "several inputs go into a folder: -o baked/".to_owned(),
+            });
+        }
         _ => return None,
     };
     let command = ["bake".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
@@ -180,11 +238,24 @@ fn no_output(words: &[OsString]) -> Option<Mistaken> {
 }
 
 /// `mipvog-bake transcode in.mipvog out.mipvog`.
-fn a_second_path(word: &str, verb: &clap::Command) -> Option<Mistaken> {
+fn a_second_path(word: &str, verb: &clap::Command, words: &[OsString]) -> Option<Mistaken> {
     let has_output = verb.get_arguments().any(|own| own.get_id() == "output");
-    has_output.then(|| Mistaken {
-        message: format!("unexpected argument '{word}'"),
-        help: format!("an output goes after -o: -o {}", shell::quoted(word)),
+    let name = verb.get_name();
+    let is_named = name == "compare" || words.iter().any(|word| word == "-o" || word == "--output");
+    has_output.then(|| match is_named {
+        true => Mistaken {
+            message: match name {
+                "compare" => {
+                    format!("'{word}' is a third path: compare takes a reference and a field")
+                }
+                _ => format!("{name} takes one input, and '{word}' is another"),
+            },
+            help: "run it once for each, in a loop of the shell".to_owned(),
+        },
+        false => Mistaken {
+            message: format!("unexpected argument '{word}'"),
+            help: format!("an output goes after -o: -o {}", shell::quoted(word)),
+        },
     })
 }
 

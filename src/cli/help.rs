@@ -78,6 +78,8 @@ const SHORT: [(&str, &[&str]); 9] = [
             "supersample",
             "resolution",
             "crop",
+            "triangles",
+            "splats",
             "cameras",
             "require_psnr",
             "force",
@@ -105,6 +107,13 @@ const WIDTH: usize = 100;
 
 /// The program with arranged help.
 pub fn arrange(mut program: Command) -> Command {
+    // A number below 0 is then refused with its range, not as an unknown option.
+    program = program.mut_subcommands(|verb| {
+        verb.mut_args(|own| match own.get_action().takes_values() && !own.is_positional() {
+            true => own.allow_negative_numbers(true),
+            false => own,
+        })
+    });
     let home = program.find_subcommand(HOME).into_iter().flat_map(Command::get_arguments);
     let shared: Vec<String> = home
         .filter(|own| own.get_help_heading().is_some_and(|heading| SHARED.contains(&heading)))

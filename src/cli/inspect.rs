@@ -24,8 +24,7 @@ use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::container::{Container, is_container};
-use mipvog_inputs::Inspection;
-use mipvog_inputs::SourceOptions;
+use mipvog_inputs::{Inspection, SceneSettings, SourceOptions};
 use mipvog_outputs::gltf::asset::{Asset, Fields, is_asset};
 
 /// Show what files contain, without decoding them
@@ -39,7 +38,7 @@ pub struct Arguments {
     /// Containers, glTF assets, or anything that can be baked; - means standard input
     #[arg(required = true, value_name = "FILE", value_parser = input_path())]
     files: Vec<PathBuf>,
-    /// Write the thumbnail of the file, a container with one, to this PNG
+    /// Extract the container's thumbnail to this PNG
     #[arg(long, value_name = "OUT.png")]
     thumbnail: Option<PathBuf>,
     /// Overwrite the thumbnail's file if it exists
@@ -92,6 +91,11 @@ fn write_thumbnail(files: &[PathBuf], output: &Path, force: bool, limits: &Limit
         return Err(Error::usage("--thumbnail takes the picture of one file: name one"));
     };
     refuse_inputs([output], slice::from_ref(input))?;
+    if output.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
+        let message = format!("--thumbnail {}: a thumbnail is a PNG", output.display());
+        let named = output.with_extension("png");
+        return Err(Error::usage(message).advise(format!("--thumbnail {}", named.display())));
+    }
     let file = Arc::new(SourceFile::open(&stdin::resolve(input)?)?);
     if !is_container(&file) {
         return Err(wrong_kind(input, "a .mipvog container, to take its thumbnail"));
@@ -119,8 +123,17 @@ fn inspect(shown: &Path, verbose: bool, limits: &Limits) -> Result<Outcome> {
     if is_asset(&file) {
         return asset(shown, &Asset::open(file, limits)?, verbose);
     }
-    let inspection = mipvog_inputs::inspect(path, &SourceOptions::default(), limits)?;
-    Outcome::new("inspect", &inspection, checkpoint_text(shown, &inspection, verbose))
+    // What a file beside the checkpoint states need not be assumed.
+    let mut options = SourceOptions::default();
+    let beside = SceneSettings::beside(path, limits)?;
+    let stated = beside.map(|beside| (beside.complete(&mut options).join(", "), beside.path));
+    let inspection = mipvog_inputs::inspect(path, &options, limits)?;
+    let mut text = checkpoint_text(shown, &inspection, verbose);
+    if let Some((names, path)) = stated.filter(|(names, _)| !names.is_empty()) {
+        let name = path.file_name().unwrap_or_default().display();
+        text += &(folded(&format!("  {name} has {names}"), columns(), 4) + "\n");
+    }
+    Outcome::new("inspect", &inspection, text)
 }
 
 fn asset(path: &Path, asset: &Asset, verbose: bool) -> Result<Outcome> {
@@ -158,9 +171,11 @@ fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> Strin
     let mut text = String::new();
     let (kind, bytes) = (inspection.kind.name(), readable(inspection.file_bytes));
     writeln!(text, "{}: {kind}, {bytes}", path.display()).ok();
-    let [model, optimizer, other] =
-        [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes].map(readable);
-    writeln!(text, "  scene {model}, optimizer {optimizer} (never read), other {other}").ok();
+    let bytes = [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes];
+    if bytes.iter().any(|bytes| *bytes > 0) {
+        let [model, optimizer, other] = bytes.map(readable);
+        writeln!(text, "  scene {model}, optimizer {optimizer} (never read), other {other}").ok();
+    }
     if let Some(model) = &inspection.model {
         write!(text, "  {}", model.name()).ok();
         if let Some(scene) = &inspection.scene {

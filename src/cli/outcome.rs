@@ -23,6 +23,26 @@ pub(super) struct Outcome {
     pub(super) failure: Option<String>,
 }
 
+/// Without the digits that float32 cannot hold: a number that is one has its shortest text.
+fn shortened(value: serde_json::Value) -> serde_json::Value {
+    use serde_json::Value;
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let exact = number.as_f64().unwrap_or_default();
+            #[expect(clippy::cast_possible_truncation, reason = "compared with what it was")]
+            let short = exact as f32;
+            let is_short = f64::from(short) == exact;
+            let shown = is_short.then(|| short.to_string().parse::<f64>().ok()).flatten();
+            shown.map_or(Value::Number(number), Value::from)
+        }
+        Value::Array(values) => values.into_iter().map(shortened).collect(),
+        Value::Object(members) => {
+            members.into_iter().map(|(key, value)| (key, shortened(value))).collect()
+        }
+        other => other,
+    }
+}
+
 impl Outcome {
     /// A report under the schema of its verb.
     pub(super) fn new(verb: &str, report: &impl Serialize, text: String) -> Result<Self> {
@@ -30,7 +50,7 @@ impl Outcome {
         json.insert("schema".to_owned(), format!("mipvog-{verb}/1").into());
         let report = serde_json::to_value(report)
             .map_err(|error| Error::usage(format!("the report is not JSON: {error}")))?;
-        if let serde_json::Value::Object(report) = report {
+        if let serde_json::Value::Object(report) = shortened(report) {
             json.extend(report);
         }
         Ok(Self { text, json: json.into(), sarif: None, failure: None })

@@ -135,7 +135,7 @@ fn refuse(error: &clap::Error, arguments: &[OsString]) -> u8 {
     let mistaken = guess::mistaken(error, arguments, &Cli::command());
     let failure = match &mistaken {
         Some(Mistaken { message, help }) => Failure::of_mistake(message, help),
-        None => Failure::of_arguments(&error.to_string()),
+        None => Failure::of_arguments(&guess::words_of(error)),
     };
     match mistaken {
         Some(Mistaken { message, help }) => {
@@ -143,7 +143,10 @@ fn refuse(error: &clap::Error, arguments: &[OsString]) -> u8 {
             let said = folded_for_people(&format!("{label} {message}"));
             say(&format!("{said}\n{}", folded_for_people(&format!("  help: {help}"))));
         }
-        None => drop(error.print()),
+        None => {
+            let label = error_label(is_colored(color_of(arguments)));
+            say(&format!("{label} {}", guess::words_of(error)));
+        }
     }
     if is_asked(arguments, "--format", "json") {
         print_failure(&failure, false);

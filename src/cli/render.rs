@@ -212,11 +212,7 @@ impl Arguments {
             self.scene.open_or_prefix(&self.field, which, filter, cameras.as_ref(), common)?;
         check_levels(self.level_of_detail, &field)?;
         if self.viewpoints.makes(&self.cameras) {
-            // These bounds are of the cameras that the scene was trained from. From elsewhere they
-            // would cut parts off.
-            let march = &mut field.view_mut().march;
-            march.near = self.scene.near.unwrap_or(0.0);
-            march.far = self.scene.far;
+            self.scene.see_all(&mut field);
         }
         Ok(field)
     }

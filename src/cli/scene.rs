@@ -17,6 +17,7 @@ use super::values::{Background, parse_appearance, parse_background, parse_mlp, p
 use crate::base::error::{Error, Result};
 use crate::base::limits::Limits;
 use crate::model::camera::Camera;
+use crate::view::render::Renderer;
 use mipvog_inputs::{AppearanceChoice, MlpChoice, SourceOptions, ViewChoice};
 use mipvog_inputs::{SceneSettings, Source};
 
@@ -149,6 +150,13 @@ impl SceneArguments {
         other_view || self.coarse.is_some() || self.scene_scale.is_some() || reads
     }
 
+    /// For cameras that no file states: near and far are bounds of the cameras that the scene was
+    /// trained from, and from elsewhere they would cut parts off.
+    pub fn see_all(&self, field: &mut Renderer) {
+        let march = &mut field.view_mut().march;
+        (march.near, march.far) = (self.near.unwrap_or(0.0), self.far);
+    }
+
     /// The settings for a trained input, which `cameras` are looked through for too.
     ///
     /// # Errors
@@ -227,7 +235,7 @@ impl FoundSettings {
         ];
         let from = |name| match self.origins.get(name) {
             Some(origin) => origin.clone(),
-            None if source.recorded.contains(&name) => "checkpoint".to_owned(),
+            None if source.recorded.contains(&name) => source.recorded_in(),
             None => "default".to_owned(),
         };
         values.map(|(name, value)| SettingReport { name, value, from: from(name) }).into()

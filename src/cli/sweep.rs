@@ -229,6 +229,7 @@ impl Arguments {
 }
 
 fn shown_name(name: &str, preset: Option<&str>) -> String {
+    let preset = preset.filter(|preset| *preset != name);
     name.to_owned() + &preset.map_or_else(String::new, |preset| format!(" ({preset})"))
 }
 
@@ -258,10 +259,13 @@ fn forecast_text(forecast: &SweepForecast) -> String {
     }
     let (count, bytes) = (counted(settings.len(), "setting"), readable(forecast.output_bytes));
     let time = match forecast.seconds {
-        Some(seconds) => format!("{seconds:.1} s of bakes, {repeat} of each setting"),
+        Some(seconds) => format!("{seconds:.1} s"),
         None => "an unknown time, because a fit ends when nothing is gained any more".to_owned(),
     };
-    let line = format!("  {count}: about {bytes} in {time}; rendering takes longer");
+    let line = format!(
+        "  {count}, each baked {}: about {bytes} in {time}; rendering takes longer",
+        counted(*repeat, "time")
+    );
     text + &folded(&line, columns(), 4) + "\n"
 }
 

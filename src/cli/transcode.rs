@@ -127,7 +127,6 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         gate: None,
         inputs,
         unmeasured: None,
-        side_bytes: 0,
     };
     let work = Work {
         input: &arguments.file,

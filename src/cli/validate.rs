@@ -17,7 +17,6 @@ use super::stdin;
 use crate::base::bytes::SourceFile;
 use crate::base::error::Result;
 use crate::base::finding::Severity;
-use crate::base::limits::Limits;
 use crate::check::{self, CheckOptions, Report, sarif};
 use mipvog_inputs::tensor::is_tensors;
 
@@ -35,7 +34,7 @@ pub struct Arguments {
     /// standard input
     #[arg(required = true, value_name = "FILE", value_parser = input_path())]
     files: Vec<PathBuf>,
-    /// Maximum findings to list per file (0: none); the rest are counted
+    /// Maximum findings to list per file (0 lists none); the rest are counted
     #[arg(long, value_name = "N", default_value_t = CheckOptions::default().max_findings)]
     max_findings: usize,
     #[command(flatten)]
@@ -44,13 +43,12 @@ pub struct Arguments {
 
 /// Validates the files.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
-    let limits = &common.limits();
     // Printed findings are not repeated.
     let is_listed = common.format == Format::Text && !common.quiet;
     let several = arguments.files.len() > 1;
     let validated = RefCell::new(Vec::new());
     let mut outcome = for_each_file("validate", &arguments.files, |path| {
-        let found = arguments.validate(path, is_listed, limits);
+        let found = arguments.validate(path, is_listed, common);
         let (outcome, report) = match found {
             Ok((outcome, report)) => (Ok(outcome), Ok(report)),
             Err(error) => {
@@ -73,8 +71,9 @@ impl Arguments {
         &self,
         shown: &Path,
         is_listed: bool,
-        limits: &Limits,
+        common: &Common,
     ) -> Result<(Outcome, Report)> {
+        let limits = &common.limits();
         let path = stdin::resolve(shown)?;
         let source = match is_tensors(&SourceFile::open(&path)?)? {
             true => self.scene.settings(&path, None, limits)?.options,
@@ -90,6 +89,16 @@ impl Arguments {
             });
             format!("{}: not valid: {errors}{first}", shown.display())
         });
+        let denied = || {
+            let warnings =
+                report.findings.iter().filter(|found| found.severity == Severity::Warning);
+            let count = warnings.count();
+            (common.deny_warnings && count > 0).then(|| {
+                let count = counted(count, "warning");
+                format!("{}: {count}, and --deny-warnings is set", shown.display())
+            })
+        };
+        let failure = failure.or_else(denied);
         let outcome = Outcome::new("validate", &report, text(shown, &report))?;
         Ok((Outcome { failure, ..outcome }, report))
     }

@@ -14,9 +14,10 @@ use super::outcome::{Outcome, print, say, warn, write_stdout};
 use super::stdin::{self, named};
 use crate::base::bytes::SourceFile;
 use crate::base::error::{ErrorKind, Result};
+use crate::base::limits::Limits;
 use crate::container::Container;
 use crate::serve::{Kind, Server, Site};
-use mipvog_outputs::gltf::asset::Asset;
+use mipvog_outputs::gltf::asset::{Asset, Fields};
 use mipvog_outputs::gltf::attach::companions;
 
 /// Show a container or an asset in the browser
@@ -76,7 +77,10 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         port: server.address().port(),
     };
     match kind {
-        Kind::Asset => warn_of_companions(&arguments.file, common),
+        Kind::Asset => {
+            warn_of_companions(&arguments.file, common);
+            warn_of_no_field(&arguments.file, &common.limits(), common);
+        }
         Kind::Container => warn_of_levels(&path, common),
     }
     if !arguments.host.is_loopback() {
@@ -100,6 +104,18 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     interrupt::serve();
     server.run();
     Ok(())
+}
+
+/// Warns of an asset without a field. The viewer reports other faults of an asset.
+fn warn_of_no_field(file: &Path, limits: &Limits, common: &Common) {
+    let count = SourceFile::open(file).and_then(|file| {
+        let asset = Asset::open(Arc::new(file), limits)?;
+        let root = asset.document()?.members()?;
+        Ok(Fields::read(&asset, &root)?.objects.len())
+    });
+    if matches!(count, Ok(0)) {
+        warn(&format!("{} has no radiance field, only triangles", file.display()), common);
+    }
 }
 
 /// Warns of the missing levels of a truncated container. The viewer reports other faults.

@@ -33,7 +33,7 @@ pub struct Html;
 /// True for a page in one file, false for a folder.
 fn is_file(output: &Path) -> bool {
     let ending = output.extension().and_then(|ending| ending.to_str());
-    ending.is_some_and(|ending| ending.eq_ignore_ascii_case("html"))
+    ending.is_some_and(|ending| ["html", "htm"].contains(&&*ending.to_lowercase()))
 }
 
 /// The name of the container on its page.

@@ -20,7 +20,8 @@ default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; sty
 img-src 'self' data: blob:; connect-src 'self' data: blob:
 
 Another host. If {container} lies on another host than the page, open index.html?file=ADDRESS. That
-host must send Access-Control-Allow-Origin, and Access-Control-Expose-Headers: Content-Range.
+host must send Access-Control-Allow-Origin, Access-Control-Allow-Headers: Range, and
+Access-Control-Expose-Headers: Content-Range, Content-Length.
 
 Links. Programs that show a preview of a link want the address of poster.png in full: put your
 site's address before it in index.html (og:image).

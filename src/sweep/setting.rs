@@ -136,6 +136,10 @@ impl Setting {
 /// A name such as `code-8bit-t1e-3-b8-z1`. Rarely changed options appear only if they differ from
 /// the default.
 fn name(options: &BakeOptions) -> String {
+    if *options == Preset::Web.options() {
+        // No list can say the same, and all of its numbers would be a long name.
+        return Preset::Web.name().to_owned();
+    }
     // Destructured, so that new options cannot be forgotten: two settings must not share a file.
     let BakeOptions {
         filter,

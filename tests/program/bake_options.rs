@@ -76,7 +76,7 @@ fn a_quality_stands_for_other_options() {
     let seen = baked("seen.mipvog", &[&view[..], &["--coarseness", "3"]].concat());
     let option = |name: &str| seen["options"][name].as_f64().expect("a number");
     let found = ["min_weight", "fill_error", "coarseness"].map(option);
-    assert_eq!(found, [0.002f32, 0.5, 3.0].map(f64::from));
+    assert_eq!(found, [0.002, 0.5, 3.0]);
     assert!(bytes("seen.mipvog").len() < bytes("50.mipvog").len());
     // A container takes it too; it does not know any more what viewers nearby see.
     report(here, &["bake", "75.mipvog", "-o", "again.mipvog", "--quality", "25"]);
@@ -98,7 +98,7 @@ fn an_error_instead_of_bits_is_kept_and_told() {
     let bake = |more: &[&str]| report(here, &[&["bake", &scene, "--force"], more].concat());
     // Explicit options override a preset's bits.
     let lossy = bake(&["-o", "a.mipvog", "--max-error", "0.02", "--preset", "archive"]);
-    assert_eq!(lossy["options"]["max_error"].as_f64(), Some(f64::from(0.02f32)));
+    assert_eq!(lossy["options"]["max_error"].as_f64(), Some(0.02));
     assert!(lossy["options"]["bits"].is_null());
     let groups = |report: &Value| -> Vec<Value> {
         let levels = report["levels"].as_array().expect("levels");

@@ -239,6 +239,11 @@ const SHELL: &[(&str, &str, &str)] = &[
     ("5", "ulimit -f 1; $B bake s/fine_last.tar -o new/deep/x.mipvog", "too large"),
     ("5", "ulimit -f 1; $B unpack a.mipvog -o new/x.safetensors", "too large"),
     ("5", "ulimit -f 1; $B unpack a.mipvog -o new/x/", "too large"),
+    (
+        "5",
+        "ulimit -f 1; e=$($B unpack a.mipvog -o new/x.npz 2>&1); code=$?; [[ $e == *ZipWriter* ]] && exit 99; echo \"$e\" >&2; exit $code",
+        "too large",
+    ),
     ("5", "ulimit -f 0; $B render a.mipvog -o new/x --size 8", "too large"),
     ("5", "ulimit -f 0; $B render a.mipvog -o new/x.gif --turntable 2 --size 8", "too large"),
     ("5", "ulimit -f 0; $B render a.mipvog -o new/x.webp --turntable 2 --size 8", "too large"),

@@ -29,6 +29,7 @@ mod manifest;
 #[cfg(unix)]
 mod manual;
 mod merge;
+mod mistakes;
 mod models;
 mod probe;
 mod reading;

@@ -127,7 +127,7 @@ fn a_bake_says_what_matters_in_a_few_lines() {
     assert!(lines[0].starts_with("it's.mipvog: "), "{text}");
     assert!(lines[0].contains(" x smaller than my scene.tar ("), "{text}");
     assert!(
-        lines[1].contains("first picture after ") && lines[1].contains("voxels kept"),
+        lines[1].contains("first, coarse picture after ") && lines[1].contains("voxels kept"),
         "{text}"
     );
     assert!(text.contains("near 2 (command line)"), "{text}");

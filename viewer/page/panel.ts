@@ -64,6 +64,7 @@ export function say(text: string): void {
 export function showName(name: string | null): void {
   page.main.classList.toggle("empty", name === null);
   page.name.textContent = name ?? "Field";
+  if (name !== null) page.canvas.ariaLabel = `${name}. Arrow keys turn it, with shift they move it, plus and minus zoom, R starts over, a question mark shows all keys.`;
   document.title = name === null ? "Mip-VoG viewer" : `${name} – Mip-VoG viewer`;
 }
 
@@ -82,8 +83,8 @@ function memory({ bytes, most, blocks: [held, known] }: Budget): string {
   return `${readable(bytes)}, of ${readable(most)}${room}`;
 }
 
-/** Shows an error in plain words, or takes it away. */
-export function showError(error: { message: string; remedy?: string } | null, heading = ""): void {
+/** Shows an error in plain words, with what to do `again`, if anything; or takes it away. */
+export function showError(error: { message: string; remedy?: string } | null, heading = "", again: (() => void) | null = null): void {
   page.error.hidden = !error;
   page.error.replaceChildren();
   if (!error) return;
@@ -101,7 +102,10 @@ export function showError(error: { message: string; remedy?: string } | null, he
     // Where nothing is shown, another file can be chosen.
     page.hint.hidden = !page.main.classList.contains("empty");
   });
-  page.error.append(title, ...lines, close);
+  const retry = document.createElement("button");
+  [retry.type, retry.textContent, retry.hidden] = ["button", "Try again", !again];
+  retry.addEventListener("click", () => again?.());
+  page.error.append(title, ...lines, retry, " ", close);
 }
 
 /** The choice of levels of a field. */

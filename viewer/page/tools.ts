@@ -40,7 +40,11 @@ export function bindTools(stage: Stage, name: () => string, measure: () => boole
     link: () => void copyLink(),
     full: () => void (document.fullscreenElement ? document.exitFullscreen() : page.main.requestFullscreen()).catch(() => say("The browser does not allow full screen here.")),
     headset: () => void enter(stage).catch((error) => say(`The headset cannot be used: ${error.message}`)),
-    help: () => page.help.showModal(),
+    help: () => {
+      page.help.showModal();
+      // The button to close it has the focus, at the end of the list.
+      page.help.scrollTop = 0;
+    },
   };
   for (const [tool, use] of Object.entries(tools)) button(tool).addEventListener("click", use);
   for (const one of document.querySelectorAll<HTMLButtonElement>("[data-tool]")) one.ariaLabel = one.title;
@@ -64,6 +68,8 @@ export function bindTools(stage: Stage, name: () => string, measure: () => boole
 /** Brings the controls of the camera to what it does: the way in which it moves, and its field of view. */
 export function showView(stage: Stage): void {
   page.way.textContent = WAYS.find(([way]) => way === stage.way)![1];
+  const button = page.way.closest("button");
+  if (button) button.ariaLabel = `${page.way.textContent}: change how the camera moves (V)`;
   page.fov.value = String(stage.fov);
 }
 

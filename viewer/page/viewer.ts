@@ -2,6 +2,7 @@
 
 import { Color, Matrix4, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "../src/device.js";
+import { REMEDY } from "../src/errors.js";
 import { FieldError, type RadianceField, type Statistics } from "../src/index.js";
 import { type Opened, openAddress, openFile, type OpenOptions, release, standpoint, visibleBox } from "../src/stage/opened.js";
 import { Stage } from "../src/stage/stage.js";
@@ -47,6 +48,8 @@ let opened: Opened | null = null;
 let other: Opened | null = null;
 let error: FieldError | null = null;
 let heading = "";
+/** Opens once more what was opened last. */
+let again: (() => void) | null = null;
 let loading = false;
 let firstPicture: number | null = null;
 let statistics: Statistics | null = null;
@@ -81,7 +84,7 @@ function fail(cause: unknown, about: keyof typeof HEADINGS = "file"): void {
   }
   page.hint.hidden = true;
   heading = HEADINGS[about];
-  showError(error, heading);
+  showError(error, heading, about === "file" || about === "rest" ? again : null);
 }
 
 const failViews = (cause: unknown) => fail(cause, "views");
@@ -127,6 +130,7 @@ async function finish(made: Opened): Promise<void> {
 
 /** Shows what `open` gives in place of what is shown, under another name where there is one. */
 async function show(open: () => Opened | Promise<Opened>, name?: string | null): Promise<void> {
+  again = () => void show(open, name);
   const isFirst = opened === null;
   const made = await begin(open);
   if (!made) return;
@@ -145,6 +149,7 @@ async function show(open: () => Opened | Promise<Opened>, name?: string | null):
 
 /** Shows a second file beside the first. */
 async function compare(open: () => Opened | Promise<Opened>): Promise<void> {
+  again = () => void compare(open);
   const made = await begin(open);
   if (!made) return;
   // Nothing that it could stand beside.
@@ -256,7 +261,8 @@ function ask(accept: string, then: (file: File) => Promise<void>): void {
 
 /** A file that was dropped: a camera file, or something to show. */
 async function take(file: File): Promise<void> {
-  if (!opened || !/\.json$/i.test(file.name)) return show(() => openFile(file, options));
+  if (!/\.json$/i.test(file.name)) return show(() => openFile(file, options));
+  if (!opened) return failViews(new FieldError(`${file.name} is a camera file, and nothing is open yet.`, REMEDY.json));
   await openCameras(file).catch(failViews);
 }
 
@@ -305,8 +311,8 @@ function listen(): void {
     const shown = field();
     if (shown) stage.focus(shown, offsetX, offsetY);
   });
-  page.canvas.addEventListener("webglcontextlost", () => showError({ message: "The picture comes back when the browser returns it." }, HEADINGS.device));
-  page.canvas.addEventListener("webglcontextrestored", () => showError(error, heading));
+  page.canvas.addEventListener("webglcontextlost", () => showError({ message: REMEDY.returned }, HEADINGS.device));
+  page.canvas.addEventListener("webglcontextrestored", () => showError(error, heading, again));
 }
 
 async function start(): Promise<void> {

@@ -2,39 +2,18 @@
 
 import { Color, SRGBColorSpace, Vector3 } from "three";
 import { deviceLimits } from "./device.js";
-import { FieldError } from "./errors.js";
+import { ATTRIBUTES, pair, STYLE, TEXTS, UNNAMED } from "./elementParts.js";
+import { FieldError, REMEDY } from "./errors.js";
 import type { RadianceField } from "./three/field.js";
 import { type Opened, openAddress, release, standpoint, visibleBox } from "./stage/opened.js";
 import { Stage } from "./stage/stage.js";
+import { drop, forget, hold, makeRoom, serveWaiting, type StageHolder, use } from "./stage/stages.js";
 import { readViewpoint, type Viewpoint, viewpointText } from "./stage/viewpoint.js";
-
-const STYLE = `
-:host { display: block; position: relative; width: 100%; aspect-ratio: 3 / 2; overflow: hidden; }
-:host([hidden]) { display: none; }
-canvas, img { position: absolute; inset: 0; width: 100%; height: 100%; }
-img { object-fit: cover; pointer-events: none; }
-[hidden] { display: none; }
-p { position: absolute; inset: auto 0 0; margin: 0; padding: 0.5em; color: #fff; background: #000c; }
-p button { font: inherit; }
-::slotted([data-position]) { position: absolute; left: 0; top: 0; }
-`;
 
 /** The base class of the element. Servers, which render pages without showing them, have none. */
 const Base = (globalThis.HTMLElement ?? class {}) as typeof HTMLElement;
-/** The text alternative of pictures without `alt`. */
-const UNNAMED = "A radiance field";
-/** Attributes that are properties of the same value; boolean attributes; all others. */
-const TEXTS = ["src", "background", "alt", "poster"] as const;
-const ATTRIBUTES = [...TEXTS, "camera", "auto-rotate", "disable-zoom", "disable-pan", "distance-limits", "elevation-limits", "touch-action", "max-bytes"] as const;
-
-/** Maximum number of stages. Browsers limit the WebGL contexts of a page, and other content needs some. */
-const MOST_STAGES = 8;
 /** Elements with `loading="lazy"`, and those that gave up their stage, start when they are this close to the window. */
 const NEAR = "200px";
-/** Elements with a stage, the most recently used last; and elements that wait for a stage. */
-const live: MipvogViewer[] = [];
-const waiting = new Set<MipvogViewer>();
-
 /**
  * Attributes, of which the first four are also properties: `src`, the address of a `.mipvog`, `.glb` or `.gltf`;
  * `background`, a CSS color instead of the background of training; `alt`, the text alternative; `poster`, a picture to
@@ -45,7 +24,7 @@ const waiting = new Set<MipvogViewer>();
  * Events: `load` when the first level can be drawn, and `error`, whose `detail` is a `FieldError`. The element also
  * displays errors.
  */
-export class MipvogViewer extends Base {
+export class MipvogViewer extends Base implements StageHolder {
   static readonly observedAttributes: readonly string[] = ATTRIBUTES;
   /** Camera, renderer and scene; null until the device is started, and while the element is not in a page. */
   stage: Stage | null = null;
@@ -57,7 +36,8 @@ export class MipvogViewer extends Base {
   /** The element's last picture, while its stage belongs to another element. */
   private still: HTMLCanvasElement | null = null;
   private kept: Viewpoint | null = null;
-  private isNear = true;
+  /** Whether it is near the window. */
+  isInView = true;
   private watch: IntersectionObserver | null = null;
   /** Whether the stage is being created. */
   private isStarting = false;
@@ -77,8 +57,9 @@ export class MipvogViewer extends Base {
     this.image.alt = "";
     const again = document.createElement("button");
     [again.type, again.textContent] = ["button", "Try again"];
-    again.addEventListener("click", () => void (this.stage ? this.load() : this.start()));
+    again.addEventListener("click", () => this.retry());
     this.message.append(this.words, " ", again);
+    [this.image.part.value, this.message.part.value] = ["poster", "message"];
     const root = this.attachShadow({ mode: "open" });
     root.adoptedStyleSheets = [style];
     root.append(this.canvas, this.image, document.createElement("slot"), this.message);
@@ -94,8 +75,20 @@ export class MipvogViewer extends Base {
   /** Makes the canvas accessible to screen readers and the keyboard. */
   private dress(): void {
     this.canvas.tabIndex = 0;
+    this.canvas.part.value = "picture";
     this.canvas.setAttribute("role", "application");
     this.canvas.ariaLabel = this.alt || UNNAMED;
+  }
+
+  /** Returns to the first view: that of `camera`, or all that is visible. */
+  reset(): void {
+    this.kept = null;
+    if (this.stage && this.opened) this.frame(this.stage, this.opened);
+  }
+
+  /** The picture as it is shown, as a PNG; null before there is one. */
+  toBlob(): Promise<Blob | null> {
+    return this.stage?.hasDrawn ? new Promise((done) => this.canvas.toBlob(done)) : Promise.resolve(null);
   }
 
   /** The fields shown. */
@@ -148,14 +141,14 @@ export class MipvogViewer extends Base {
       delete (this as Partial<Record<typeof name, string>>)[name];
       this[name] = value;
     }
-    this.isNear = this.getAttribute("loading") !== "lazy";
+    this.isInView = this.getAttribute("loading") !== "lazy";
     this.watch = new IntersectionObserver((entries) => {
-      this.isNear = entries.at(-1)!.isIntersecting;
-      if (this.isNear) void this.start();
+      this.isInView = entries.at(-1)!.isIntersecting;
+      if (this.isInView) void this.start();
     }, { rootMargin: NEAR });
     this.watch.observe(this);
     this.showPoster();
-    if (this.isNear) void this.start();
+    if (this.isInView) void this.start();
   }
 
   /**
@@ -170,7 +163,8 @@ export class MipvogViewer extends Base {
       if (!this.isConnected || this.stage || !makeRoom(this)) return;
       if (this.still) this.renew();
       this.stage = new Stage(this.canvas);
-      live.push(this);
+      hold(this);
+      this.watchDevice(this.stage);
       this.stage.framed = () => this.place();
       this.stage.rested = () => serveWaiting();
       this.arrange();
@@ -186,10 +180,6 @@ export class MipvogViewer extends Base {
   get isAtRest(): boolean {
     const isLoaded = this.failure !== null || !this.src || this.stage?.hasDrawn === true;
     return isLoaded && this.stage !== null && this.stage.settled && !this.hasAttribute("auto-rotate") && this.fields.every((field) => field.finest === field.file?.plan.finest && !field.waiting && !field.decoding);
-  }
-
-  get isInView(): boolean {
-    return this.isNear;
   }
 
   /** Gives the stage to another element, and keeps showing the last picture. */
@@ -216,35 +206,55 @@ export class MipvogViewer extends Base {
 
   /** Called when a stage is available again. */
   resume(): void {
-    if (this.isNear) void this.start();
+    if (this.isInView) void this.start();
   }
 
   /** Marks the element as recently used, so that it gives up its stage last. */
   private use(): void {
-    const at = live.indexOf(this);
-    if (at >= 0) live.push(...live.splice(at, 1));
-    else void this.start();
+    if (!use(this)) void this.start();
   }
 
   private end(): void {
     this.close();
     this.stage?.dispose();
     this.stage = null;
-    const at = live.indexOf(this);
-    if (at >= 0) live.splice(at, 1);
+    drop(this);
+  }
+
+  /** Ends the stage, and takes another canvas: the old one keeps its context. */
+  private endForGood(): void {
+    const canvas = document.createElement("canvas");
+    this.end();
+    this.canvas.replaceWith(canvas);
+    this.canvas = canvas;
+    this.dress();
+  }
+
+  /** Reports the loss of the context, which the browser may return. */
+  private watchDevice(stage: Stage): void {
+    const lost = new FieldError("The graphics device was taken away.", REMEDY.returned);
+    this.canvas.addEventListener("webglcontextlost", () => this.stage === stage && this.fail(lost));
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      if (this.failure !== lost) return;
+      this.failure = null;
+      this.message.hidden = true;
+    });
+  }
+
+  /** Loads the scene again, on another device if the context was lost. */
+  private retry(): void {
+    if (this.stage?.renderer.getContext().isContextLost()) {
+      this.kept = this.stage.viewpoint;
+      this.endForGood();
+    }
+    void (this.stage ? this.load() : this.start());
   }
 
   disconnectedCallback(): void {
     this.watch?.disconnect();
-    waiting.delete(this);
-    if (this.stage) {
-      // The context is of no use to anybody else, and there are few.
-      const canvas = document.createElement("canvas");
-      this.end();
-      this.canvas.replaceWith(canvas);
-      this.canvas = canvas;
-      this.dress();
-    }
+    forget(this);
+    // The context is of no use to anybody else, and there are few.
+    if (this.stage) this.endForGood();
     serveWaiting();
   }
 
@@ -258,12 +268,6 @@ export class MipvogViewer extends Base {
     else this.arrange();
   }
 
-  /** Two numbers of an attribute; null if it has anything else. */
-  private limits(name: string): [number, number] | null {
-    const values = (this.getAttribute(name) ?? "").trim().split(/[\s,]+/).map(Number);
-    return values.length === 2 && values.every(Number.isFinite) && values[0] <= values[1] ? [values[0], values[1]] : null;
-  }
-
   /** Applies the attributes to the camera's controls. */
   private arrange(): void {
     const { stage } = this;
@@ -271,7 +275,7 @@ export class MipvogViewer extends Base {
     stage.controls.autoRotate = this.hasAttribute("auto-rotate") && !matchMedia("(prefers-reduced-motion: reduce)").matches;
     stage.controls.enableZoom = !this.hasAttribute("disable-zoom");
     stage.controls.enablePan = !this.hasAttribute("disable-pan");
-    stage.limits = { distance: this.limits("distance-limits"), elevation: this.limits("elevation-limits") };
+    stage.limits = { distance: pair(this.getAttribute("distance-limits")), elevation: pair(this.getAttribute("elevation-limits")) };
     this.canvas.style.touchAction = this.getAttribute("touch-action") ?? "pan-y";
     const view = readViewpoint(this.getAttribute("camera") ?? "");
     if (view && this.opened) stage.viewpoint = view;
@@ -359,12 +363,11 @@ export class MipvogViewer extends Base {
   }
 
   private paint(): void {
-    const trained = this.fields[0]?.metadata?.background ?? [1, 1, 1];
     // Any color that the browser knows, also one that is seen through or that a variable holds.
     const { style } = this.canvas;
     style.backgroundColor = "";
     style.backgroundColor = this.background;
-    this.stage?.setBackground(style.backgroundColor ? null : new Color().setRGB(...trained, SRGBColorSpace));
+    this.stage?.setBackground(style.backgroundColor ? null : new Color().setRGB(...(this.fields[0]?.metadata?.background ?? ([1, 1, 1] as const)), SRGBColorSpace));
   }
 
   private fail(cause: unknown): void {
@@ -375,28 +378,6 @@ export class MipvogViewer extends Base {
     this.message.hidden = false;
     this.dispatchEvent(new CustomEvent("error", { detail: error }));
   }
-}
-
-/** Whether a stage is available for an element: the offscreen or least recently used element gives up its own. */
-function makeRoom(element: MipvogViewer): boolean {
-  if (live.length >= MOST_STAGES) {
-    const other = live.find((one) => !one.isInView) ?? live.find((one) => one.isAtRest);
-    if (!other) {
-      waiting.add(element);
-      return false;
-    }
-    other.giveUp();
-  }
-  waiting.delete(element);
-  return true;
-}
-
-/** Serves the next waiting element, after an element has finished or left the page. */
-function serveWaiting(): void {
-  const [next] = waiting;
-  if (!next || (live.length >= MOST_STAGES && !live.some((one) => one.isAtRest || !one.isInView))) return;
-  waiting.delete(next);
-  next.resume();
 }
 
 if (globalThis.customElements && !customElements.get("mipvog-viewer")) customElements.define("mipvog-viewer", MipvogViewer);

@@ -30,6 +30,7 @@ export const REMEDY = {
   policy: "Add mipvog-viewer to trusted-types in the page's Content-Security-Policy.",
   decoder: "Load the page again; worker.js has to lie beside the viewer's script.",
   again: "Open it again.",
+  returned: "The picture comes back when the browser returns it.",
   source: "Give the constructor one of these.",
   renderer: "Make a WebGLRenderer.",
   webgpu: 'Import RadianceField from "mipvog-viewer/webgpu", or make a WebGLRenderer.',

@@ -174,7 +174,7 @@ test("what fails is told once, with what to do, and leaves nothing", async () =>
     const address = server.offer(name, content);
     const told = await element.evaluate(async (element, address) => {
       const errors: string[] = [];
-      const hear = (event: Event) => errors.push(`${(event as CustomEvent).detail.message} ${(event as CustomEvent).detail.remedy}`);
+      const hear = (event: Event) => errors.push(`${(event as unknown as CustomEvent).detail.message} ${(event as CustomEvent).detail.remedy}`);
       element.addEventListener("error", hear);
       element.src = address;
       await new Promise((done) => element.addEventListener("error", done, { once: true }));
@@ -345,6 +345,44 @@ night("children lie over the places that they name", async () => {
   assert.ok(Math.abs(places[0][0]) < 1 && Math.abs(places[0][1]) < 1, `${places[0]}`);
   assert.ok(Math.abs(places[1][0]) < 1 && places[1][1] < -20, `${places[1]}`);
   assert.deepEqual(places.map(([, , visibility]) => visibility), ["visible", "visible", "hidden"]);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
+night("a context that is lost is told, and another one is made on request", async () => {
+  const { page, element, problems } = await open();
+  await element.evaluate((element) => element.stage!.orbit(0.5, 0));
+  const chosen = await camera(element);
+  const message = () => element.evaluate(({ shadowRoot }) => {
+    const line = shadowRoot!.querySelector("p")!;
+    return line.hidden ? "" : line.textContent!;
+  });
+  assert.equal(await message(), "");
+  const told = element.evaluate((element) => new Promise<string>((done) => element.addEventListener("error", (event) => done((event as unknown as CustomEvent).detail.message))));
+  await element.evaluate(({ stage }) => stage!.renderer.getContext().getExtension("WEBGL_lose_context")!.loseContext());
+  assert.match(await told, /taken away/);
+  assert.match(await message(), /taken away.*Try again/);
+  await element.evaluate(({ shadowRoot }) => shadowRoot!.querySelector("button")!.click());
+  await whole(page, element);
+  assert.equal(await message(), "");
+  const after = await camera(element);
+  after.forEach((value, axis) => assert.ok(Math.abs(value - chosen[axis]) < 1e-6, `${after} after ${chosen}`));
+  assert.deepEqual(problems.filter((problem) => !/context lost|lose_context/i.test(problem)), []);
+  await page.close();
+});
+
+night("an element returns to its first view, gives its picture, and has parts to style", async () => {
+  const { page, element, problems } = await open();
+  const framed = await camera(element);
+  await element.evaluate((element) => element.stage!.orbit(0.5, 0));
+  await element.evaluate((element) => element.reset());
+  const back = await camera(element);
+  back.forEach((value, axis) => assert.ok(Math.abs(value - framed[axis]) < 1e-6, `${back} for ${framed}`));
+  await whole(page, element);
+  const type = await element.evaluate(async (element) => (await element.toBlob())?.type);
+  assert.equal(type, "image/png");
+  const parts = await element.evaluate(({ shadowRoot }) => Array.from(shadowRoot!.querySelectorAll("[part]"), (one) => one.part.value));
+  assert.deepEqual(parts.sort(), ["message", "picture", "poster"]);
   assert.deepEqual(problems, []);
   await page.close();
 });

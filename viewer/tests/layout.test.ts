@@ -45,7 +45,8 @@ function small(page: Page): Promise<string[]> {
   return page.evaluate((least) => {
     const controls = Array.from(document.querySelectorAll<HTMLElement>("button, select, input, summary"));
     return controls.flatMap((control) => {
-      const { width, height } = control.getBoundingClientRect();
+      // A label around a control is pressed as well as the control.
+      const { width, height } = (control.closest("label.check") ?? control).getBoundingClientRect();
       const isSeen = control.checkVisibility({ checkVisibilityCSS: true }) && width > 0;
       return isSeen && (width < least || height < least) ? [`${control.outerHTML}: ${width} x ${height}`] : [];
     });

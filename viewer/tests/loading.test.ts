@@ -176,6 +176,10 @@ test("a broken file is told in words, and what came before stays", async () => {
   await page.goto(`${server.origin}/?file=missing.mipvog`);
   await page.waitForFunction(() => window.__mipvog?.error);
   assert.match(await page.locator("#error").innerText(), /answers 404/);
+  server.offer("missing.mipvog", bytes);
+  await page.getByRole("button", { name: "Try again" }).click();
+  await page.waitForFunction(() => window.__mipvog?.ready && !window.__mipvog.error);
+  assert.ok(await page.locator("#error").isHidden());
   // The browser itself complains about the 404, nothing else does.
   assert.deepEqual(problems.filter((problem) => !problem.includes("404") && !problem.includes("416")), []);
   await page.close();

@@ -7,7 +7,7 @@
 //! | key | value |
 //! |---|---|
 //! | `stepsize` | voxels |
-//! | `near`, `far` | in units of the unnormalised direction |
+//! | `near`, `far` | distance along the axis of the camera |
 //! | `background` | one number or three, 0 to 1 |
 //! | `color_threshold` | a weight, 0 to below 1 |
 

@@ -86,17 +86,22 @@ pub enum Family {
 }
 
 impl Source {
+    /// The name of the file that states what is `recorded`: one beside the input, or the input,
+    /// as `checkpoint`.
+    pub fn recorded_in(&self) -> String {
+        let beside = match self.family {
+            Family::Plenoxels | Family::SvRaster => self.side_files.first(),
+            _ => None,
+        };
+        let name = beside.and_then(|file| file.path.file_name());
+        name.map_or_else(|| "checkpoint".to_owned(), |name| name.to_string_lossy().into_owned())
+    }
+
     /// True if the field is made of samples of a model without values at the nodes of a grid.
     pub fn is_resampled(&self) -> bool {
         self.is_unbounded
             || matches!(self.family, Family::PlenOctree | Family::SvRaster)
             || self.family.is_sampled()
-    }
-
-    /// Bytes of the other files that it was read from; those that have gone count as none.
-    pub fn side_bytes(&self) -> u64 {
-        let paths = self.side_files.iter().map(|file| &file.path);
-        paths.filter_map(|path| std::fs::metadata(path).ok()).map(|found| found.len()).sum()
     }
 }
 

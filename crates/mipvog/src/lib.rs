@@ -16,11 +16,12 @@
 //! ```
 //! use mipvog::{BakeOptions, Baker, Camera, Container, Limits, RadianceField, Renderer};
 //!
-//! // An opaque red ball in a box of 16^3 nodes: raw density, and three logits of colour.
+//! // An opaque red ball in a box of 16^3 nodes.
 //! let place = |i: usize| [i / 256, i / 16 % 16, i % 16].map(|at| at as f32 / 7.5 - 1.0);
 //! let inside = |at: [f32; 3]| at.iter().map(|x| x * x).sum::<f32>() < 0.5;
 //! let density = (0..4096).map(|i| if inside(place(i)) { 10.0 } else { -10.0 }).collect();
 //! let diffuse = [vec![4.0; 4096], vec![-4.0; 8192]].concat();
+//! // 16^3 raw densities, and three times as many logits of colour
 //! let field = RadianceField::builder([16; 3], density, diffuse).build()?;
 //!
 //! let bytes = Baker::new(BakeOptions::default()).to_vec(&field)?;

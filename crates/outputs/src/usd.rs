@@ -9,7 +9,7 @@ use std::path::Path;
 use super::export_files::{ExportFiles, WrittenFiles};
 use super::format::{ExportFormat, ExportOptions, ExportSource, Exported, Shown, UpAxis};
 use super::vdb::{Vdb, check_volume, write_volume};
-use crate::base::error::{Error, Result};
+use crate::base::error::{Error, ErrorKind, Result};
 use crate::base::limits::Limits;
 use crate::base::progress::Progress;
 use crate::volume::SparseVolume;
@@ -48,7 +48,14 @@ impl ExportFormat for Usd {
         progress: &dyn Progress,
     ) -> Result<Exported> {
         let path = files.output().to_owned();
-        let output = files.create(path.with_extension("vdb"))?;
+        let volume = path.with_extension("vdb");
+        let output = files.create(volume.clone()).map_err(|error| match error.kind() {
+            ErrorKind::Exists => error.advise(format!(
+                "{} needs a volume of this name beside it: choose another name, or pass --force",
+                path.display()
+            )),
+            _ => error,
+        })?;
         let (exported, volume) = write_volume(source, options, output, progress)?;
         let text = scene(&stem(&path), &volume, options);
         files.add(path, text.as_bytes())?;

@@ -77,21 +77,11 @@ pub fn bake_again(
             gate: None,
             inputs,
             unmeasured: None,
-            side_bytes: 0,
         });
     }
     let report = repack(unpacked, &changes, &options.limits, output, bar)?;
     let resolved = changes.to_json();
-    Ok(Baked {
-        report,
-        resolved,
-        settings: Vec::new(),
-        view,
-        gate: None,
-        inputs,
-        unmeasured: None,
-        side_bytes: 0,
-    })
+    Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs, unmeasured: None })
 }
 
 /// Refuses options that repacking a container, or baking its finest level `anew`, would ignore.

@@ -10,7 +10,7 @@ use super::super::field::FieldArguments;
 use super::super::fit::FitArguments;
 use super::super::gate::GateArguments;
 use super::super::gltf::GltfArguments;
-use super::super::guess::{container_names, input_path, is_folder_name};
+use super::super::guess::{container_name, container_names, input_path, is_folder_name};
 use super::super::incremental::IncrementalArguments;
 use super::super::manifest::{ExplicitOptions, ManifestArguments};
 use super::super::scene::SceneArguments;
@@ -26,6 +26,9 @@ use crate::base::limits::Limits;
 use crate::container::Container;
 use crate::unpacked::Unpacked;
 use mipvog_inputs::tensor::{self, TensorFile};
+
+/// The output where none is named: of a manifest, whose lines name theirs, and of a forecast.
+const NO_OUTPUT: &str = ".";
 
 /// Bake a trained scene to a container
 #[derive(Debug, Args)]
@@ -43,7 +46,7 @@ pub struct Arguments {
     pub given: ExplicitOptions,
     /// Trained models, containers or glTF assets with one; - means standard input. A model is a
     /// file, or the folder of a training, of SNeRG or of MERF
-    #[arg(id = "input", value_name = "INPUT", requires = "output", value_parser = input_path())]
+    #[arg(id = "input", value_name = "INPUT", value_parser = input_path())]
     pub inputs: Vec<PathBuf>,
     /// The one of the inputs that is baked.
     #[arg(skip)]
@@ -54,8 +57,9 @@ pub struct Arguments {
         short,
         long,
         value_name = "OUT.mipvog|DIR/",
-        default_value = ".",
-        hide_default_value = true
+        default_value = NO_OUTPUT,
+        hide_default_value = true,
+        required_unless_present_any = ["manifest", "dry_run"]
     )]
     pub output: PathBuf,
     /// Forecast time, memory and size, and write nothing; parts of the scene are baked
@@ -153,6 +157,9 @@ impl Arguments {
     pub fn settle(&mut self) {
         let [input] = &*self.inputs else { return };
         self.input.clone_from(input);
+        if self.dry_run && self.output == Path::new(NO_OUTPUT) {
+            self.output = container_name(input);
+        }
         if is_folder_name(&self.output)
             && let Ok(names) = container_names(&self.inputs, &self.output)
             && let Some(name) = names.into_iter().next()

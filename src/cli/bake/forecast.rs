@@ -40,6 +40,8 @@ pub fn dry_run(
     let memory = own.map(|own| own.max(forecast.most_memory_bytes.unwrap_or(0)) + judging);
     // Pictures are rendered from whole fields, which a memory bound excludes.
     let least = forecast.least_memory_bytes.filter(|_| !measures);
+    // What a bake needs is bounded from above there, and estimated here.
+    let memory = memory.map(|memory| memory.max(least.unwrap_or(0)));
     let json = BakeJson {
         input: arguments.input.to_string_lossy().into_owned(),
         output: arguments.output.to_string_lossy().into_owned(),

@@ -36,8 +36,6 @@ pub struct Baked {
     pub unmeasured: Option<u64>,
     /// The files that the container depends on.
     pub inputs: Vec<PathBuf>,
-    /// Bytes of the side files of the input.
-    pub side_bytes: u64,
 }
 
 /// The files of a bake and its cost.
@@ -150,6 +148,11 @@ impl Baked {
         }
         if let Some(gate) = &self.gate {
             text += &gate.text(work.input);
+            if self.is_seen_from_cameras() {
+                let line =
+                    "  from the cameras that decided what is kept: others may see more errors";
+                text += &(folded(line, columns(), 4) + "\n");
+            }
         }
         text += &gltf.map_or_else(String::new, GltfReport::text);
         if failure.is_none() && work.output != Path::new(STANDARD_STREAM) {
@@ -158,6 +161,12 @@ impl Baked {
             writeln!(text, "  next: {next}").ok();
         }
         Ok(Outcome { failure, ..Outcome::new(verb, &json, text)? })
+    }
+
+    /// True if what cameras see decided which voxels are kept or coarse.
+    fn is_seen_from_cameras(&self) -> bool {
+        let is_set = |name: &str| self.resolved[name].as_f64().is_some_and(|value| value > 0.0);
+        ["min_weight", "coarseness", "fill_error"].into_iter().any(is_set)
     }
 
     /// The sizes, the contents of the container, and the sources of the settings.
@@ -169,8 +178,9 @@ impl Baked {
             (true, false) => format!("{output}: {bytes}, nothing has changed"),
             (false, false) => {
                 let sizes = compared(report.output_bytes, work.input_bytes);
+                let measured = if self.gate.is_some() { ", pictures included" } else { "" };
                 format!(
-                    "{output}: {bytes}, {sizes} {} ({}), in {:.2} s",
+                    "{output}: {bytes}, {sizes} {} ({}), in {:.2} s{measured}",
                     short_name(work.input),
                     readable(work.input_bytes),
                     work.seconds
@@ -178,7 +188,7 @@ impl Baked {
             }
         }];
         let first = first_picture(&report.levels, report.output_bytes);
-        let first = first.map(|bytes| format!("first picture after {}", readable(bytes)));
+        let first = first.map(|bytes| format!("first, coarse picture after {}", readable(bytes)));
         let kept = report.pruned.first().map(|finest| {
             let share = 100.0 * finest.needed_nodes as f64 / finest.nodes.max(1) as f64;
             let [kept, all] = [finest.needed_nodes, finest.nodes].map(grouped);
@@ -267,6 +277,10 @@ pub fn short_name(input: &Path) -> String {
 /// The size of an output relative to its input, in words.
 fn compared(output: u64, input: u64) -> String {
     let (output, input) = (output.max(1) as f64, input.max(1) as f64);
+    // Within the two digits below.
+    if (output / input - 1.0).abs() < 0.005 {
+        return "as large as".to_owned();
+    }
     let (factor, word) = match output <= input {
         true => (input / output, "smaller"),
         false => (output / input, "larger"),
@@ -286,7 +300,8 @@ mod tests {
     fn sizes_are_compared_in_two_digits() {
         assert_eq!(compared(3_620_000, 86_000_000), "24 x smaller than");
         assert_eq!(compared(10, 99), "9.9 x smaller than");
-        assert_eq!(compared(7, 7), "1.0 x smaller than");
+        assert_eq!(compared(7, 7), "as large as");
+        assert_eq!(compared(7000, 7010), "as large as");
         assert_eq!(compared(30, 20), "1.5 x larger than");
         assert_eq!(compared(0, 0), "1.0 x smaller than");
     }

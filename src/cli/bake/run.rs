@@ -17,7 +17,7 @@ use super::arguments::{Arguments, Content};
 use super::forecast::dry_run;
 use super::report::Work;
 use super::trained::bake_trained;
-use crate::bake::{BakeOption, BakeReport, StageReport};
+use crate::bake::{BakeOption, BakeOptions, BakeReport, Preset, Quality, StageReport};
 use crate::base::bytes::{ByteSink, Output};
 use crate::base::error::{Error, Result};
 
@@ -40,17 +40,39 @@ fn options_text(options: &Value) -> String {
     pairs.map(|(name, value)| format!("--{name} {value}")).collect::<Vec<_>>().join(" ")
 }
 
+/// The options that a preset stands for.
+fn preset_text(options: &BakeOptions) -> String {
+    let mut json = options.to_json();
+    let is_web = options.max_error == Preset::Web.options().max_error;
+    if !is_web || options.nearby_coarseness == 0.0 {
+        return options_text(&json);
+    }
+    // Some colours are coarser than these errors, which only --quality can say.
+    json["max_error"] = Value::Null;
+    format!("{} --quality {}", options_text(&json), Quality::OF_WEB)
+}
+
 /// Bakes the input.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let clock = Instant::now();
     let limits = common.limits();
     let input = arguments.open(&limits)?;
     let options = arguments.options(&input.content, common)?;
-    if let Some(preset) = arguments.preset
-        && !common.quiet
-    {
-        let line = format!("preset {}: {}", preset.name(), options_text(&options.to_json()));
-        say(&folded(&line, message_columns(), 4));
+    if !common.quiet {
+        let preset = arguments.preset.map(|preset| format!("preset {}: ", preset.name()));
+        let preset = preset.map(|name| name + &preset_text(&options));
+        // What a quality means for cameras, beside the errors that it is a name for.
+        let quality = options.min_weight.filter(|_| arguments.given.has("quality"));
+        let quality = quality.map(|weight| {
+            let (coarseness, fill) = (options.coarseness, options.fill_error.unwrap_or_default());
+            format!(
+                "quality, with cameras: --min-weight {weight} --coarseness {coarseness} \
+                 --fill-error {fill}"
+            )
+        });
+        for line in preset.into_iter().chain(quality) {
+            say(&folded(&line, message_columns(), 4));
+        }
     }
     if arguments.dry_run {
         return match &input.content {
@@ -117,7 +139,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         input: arguments.held.as_ref().map_or(&arguments.input, |held| held.path()),
         output: &arguments.output,
         seconds: clock.elapsed().as_secs_f64(),
-        input_bytes: input.length() + baked.side_bytes,
+        input_bytes: input.length(),
         bytes_read: input.bytes_read(),
         sha256,
     };

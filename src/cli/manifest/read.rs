@@ -11,8 +11,10 @@ use super::super::output::{address_reason, check_container_name, no_file_reason}
 use super::line::SceneLine;
 use super::options::OptionKind;
 use super::words::{Words, Written};
+use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Place, Result};
 use crate::base::text::without_mark;
+use mipvog_inputs::tensor::describe;
 
 /// Bytes of a line, at most.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -33,6 +35,14 @@ impl Lines {
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::io(error, path))?;
         Ok(Self { path: path.to_owned(), reader: BufReader::new(file), number: 0 })
+    }
+
+    /// The error for a file that does not start with text.
+    fn other_kind(&self) -> Error {
+        let found = SourceFile::open(&self.path).and_then(|file| describe(&file));
+        let found = found.unwrap_or("no UTF-8");
+        let expected = "lines of JSON: a manifest, or the results of one";
+        Error::wrong_kind(found, expected).in_file(&self.path)
     }
 
     /// The next line and its number, counted from 1.
@@ -56,7 +66,10 @@ impl Lines {
                 return Err(wrong("more than 1048576 bytes", "a JSON object a line"));
             }
             let line = if self.number == 1 { without_mark(&line).to_vec() } else { line };
-            let line = String::from_utf8(line).map_err(|_| wrong("no UTF-8", "UTF-8"))?;
+            let line = String::from_utf8(line).map_err(|_| match self.number {
+                1 => self.other_kind(),
+                _ => wrong("no UTF-8", "UTF-8"),
+            })?;
             let line = line.trim();
             if !line.is_empty() {
                 return Ok(Some((self.number, line.to_owned())));

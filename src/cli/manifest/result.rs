@@ -49,6 +49,9 @@ pub struct SceneResult {
     /// SHA-256 of the container in hexadecimal; null if none was written.
     #[serde(default)]
     pub sha256: Option<String>,
+    /// Version of the program.
+    #[serde(default)]
+    pub version: String,
     /// Warnings of the bake.
     #[serde(default)]
     pub warnings: Vec<String>,
@@ -69,6 +72,7 @@ impl SceneResult {
             psnr: None,
             peak_memory_bytes: None,
             sha256: None,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
             warnings: common.warnings.texts(),
             error: None,
         };

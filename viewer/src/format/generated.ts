@@ -48,7 +48,7 @@ export interface March {
   voxel_size: number;
   /** Edges, in world units, of the voxels that are the unit of steps; absent for cubes of `voxel_size`. Along a unit direction `d`, a step is `stepsize / |d / voxel|` long. */
   voxel?: Triple;
-  /** Nearest start of rays, in units of the unnormalised direction. */
+  /** Nearest start of rays, as distance along the axis of the camera. */
   near: number;
   /** Farthest start of rays in the box, in the same units; null is unlimited. */
   far: number | null;

@@ -123,7 +123,9 @@ class HttpSource implements ByteSource {
       const range = /^bytes (\d+)-(\d+)\/(\d+|\*)$/.exec(response.headers.get("Content-Range") ?? "");
       // Across origins the header is hidden unless the server shows it; checksums then tell.
       if (range && Number(range[1]) !== from) throw new FieldError(`The server sent bytes from ${range[1]} instead of ${from}.`, REMEDY.network);
-      if (range && range[3] !== "*") this.length = Number(range[3]);
+      const length = range && range[3] !== "*" ? Number(range[3]) : this.length;
+      if (this.length !== null && length !== this.length) throw new FieldError("The file on the server has changed since it was opened.", REMEDY.again);
+      this.length = length;
       const count = range ? Number(range[2]) + 1 - from : to - from;
       const stream = new Stream(response, from);
       const bytes = await stream.read(Math.min(count, to - from), progress);

@@ -220,6 +220,14 @@ impl Error {
         &self.0.kind
     }
 
+    /// The kind of an error of the system; others are `Other`.
+    pub fn io_kind(&self) -> std::io::ErrorKind {
+        match &self.0.kind {
+            ErrorKind::Io(error) => error.kind(),
+            _ => std::io::ErrorKind::Other,
+        }
+    }
+
     /// The error's kind, without its place.
     pub fn into_kind(self) -> ErrorKind {
         self.0.kind
@@ -257,6 +265,7 @@ impl Error {
                 std::io::ErrorKind::QuotaExceeded | std::io::ErrorKind::FileTooLarge => {
                     "raise the quota or the limit on file sizes, and run again".into()
                 }
+                std::io::ErrorKind::ReadOnlyFilesystem => "write to another folder".into(),
                 _ => "check the disk and the path, then run again".into(),
             },
             ErrorKind::Cancelled => "run the same command again".into(),

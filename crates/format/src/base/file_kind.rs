@@ -98,7 +98,7 @@ fn other_format(start: &[u8]) -> Option<&'static str> {
         [0x89, b'M', b'V', b'G', ..] => "a .mipvog container",
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => "a single NumPy array (save it as .npz)",
         [0x89, b'H', b'D', b'F', ..] => "an HDF5 file",
-        [0x1f, 0x8b, ..] => "a gzip file (unpack it first)",
+        [0x1f, 0x8b, ..] => "a gzip file (unpack it first; splats in .spz have no density to bake)",
         [0x28, 0xb5, 0x2f, 0xfd, ..] => "a zstd file (unpack it first)",
         [b'g', b'l', b'T', b'F', ..] => "a glTF binary",
         [0x89, b'P', b'N', b'G', ..] => "a PNG picture",

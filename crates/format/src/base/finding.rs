@@ -211,7 +211,7 @@ codes! {
     /// The file lacks a setting that a bake needs; a default is used.
     Unstated = "unstated", Warning,
         at "key",
-        do "state it if the assumption is wrong";
+        do "pass the option that the message names if this is wrong";
     /// The values of a tensor do not match the checksum that the file states.
     ValuesChecksum = "values-checksum", Error,
         at "tensor",

@@ -27,7 +27,10 @@ impl FromStr for Shard {
         let (number, of): (u64, u64) = (parse(number)?, parse(of)?);
         match number < of {
             true => Ok(Self { number, of }),
-            false => Err(format!("parts are counted from 0: the last of {of} is one less")),
+            false => Err(match of.checked_sub(1) {
+                Some(last) => format!("parts are counted from 0: the last one is {last}/{of}"),
+                None => expected.to_owned(),
+            }),
         }
     }
 }

@@ -162,9 +162,11 @@ impl Header {
             let error = Error::unsupported(Place::Offset(8), found, "major version 1");
             return Err(error.advise(NEWER));
         }
-        if reserved != 0 || reserved_too != 0 || rest.iter().any(|&byte| byte != 0) {
+        let set = [(12, reserved != 0), (36, reserved_too != 0)].into_iter();
+        let set = set.chain((44..).zip(rest.iter().map(|&byte| byte != 0)));
+        if let Some((at, _)) = set.filter(|(_, is_set)| *is_set).min() {
             return Err(Error::malformed(
-                Place::Offset(0),
+                Place::Offset(at),
                 "a reserved byte of the header that is set",
                 "zeros",
             ));

@@ -154,7 +154,7 @@ pub struct March {
     /// `voxel_size`. Along a unit direction `d`, a step is `stepsize / |d / voxel|` long.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub voxel: Option<[f32; 3]>,
-    /// Nearest start of rays, in units of the unnormalised direction.
+    /// Nearest start of rays, as distance along the axis of the camera.
     pub near: f32,
     /// Farthest start of rays in the box, in the same units; `None` is unlimited.
     #[serde(deserialize_with = "nullable")]

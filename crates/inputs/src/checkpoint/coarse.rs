@@ -62,7 +62,8 @@ pub(super) fn find(
         value: format!("alpha_init {ALPHA_INIT:e}, voxel_size_ratio 1"),
         message: format!(
             "{reason}: assuming that its free-space mask was trained with alpha_init \
-             {ALPHA_INIT:e} and a voxel size ratio of 1; pass the file as option coarse"
+             {ALPHA_INIT:e} and a voxel size ratio of 1; a wrong guess leaves holes: pass the file \
+             as option coarse"
         ),
     });
     Ok(Coarse { shift: march::shift(ALPHA_INIT, &Place::File)?, ratio: 1.0, file: None })

@@ -40,7 +40,7 @@ pub use kind::{describe, is_tensors};
 pub use mipvog::unpacked::{Row, safetensors_digest, safetensors_header};
 pub use open::{open, open_file};
 pub use parameters::is_parameters;
-pub use syntaxes::extensions;
+pub use syntaxes::{expected, extensions};
 pub use value::Value;
 pub use vdb::{GRIDS, VdbValue, read_metadata, read_text};
 pub use zip::{Archive, Data, Entry};

@@ -93,7 +93,7 @@ pub(super) fn syntax_of(file: &SourceFile, start: &[u8]) -> Result<Option<&'stat
 }
 
 /// The list of expected files, for messages.
-pub(super) fn expected() -> String {
+pub fn expected() -> String {
     let [others @ .., last] = &SYNTAXES.each_ref().map(|syntax| syntax.name);
     format!("{}, or {last}", others.join(", "))
 }

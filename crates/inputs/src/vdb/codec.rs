@@ -11,11 +11,13 @@
 //! bytes. Empty values still have that length, except for numbers that were saved as half floats,
 //! which have nothing.
 
-use half::f16;
+use std::borrow::Cow;
 
 use super::blosc;
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
+use flate2::{Decompress, FlushDecompress, Status};
+use half::f16;
 
 /// Flags of a grid.
 const ZIP: u32 = 1;
@@ -66,8 +68,8 @@ impl Codec {
     pub fn read(
         &self,
         reader: &mut ByteReader,
-        count: usize,
-        active: &[u64],
+        (count, active): (usize, &[u64]),
+        inflater: &mut Inflater,
         mut put: impl FnMut(usize, [f32; 3]),
     ) -> Result<()> {
         let (place, kind) = (reader.place(), reader.u8()?);
@@ -103,7 +105,7 @@ impl Codec {
             false => count,
         };
         let size = self.width * if self.precision == Precision::Full { 4 } else { 2 };
-        let bytes = self.bytes(reader, stored * size)?;
+        let bytes = self.bytes(reader, stored * size, inflater)?;
         let mut values = bytes.chunks_exact(size).map(|value| self.decode(value));
         for at in 0..count {
             let value = match masked && !is_on(active, at) {
@@ -131,12 +133,17 @@ impl Codec {
     }
 
     /// This many bytes, decompressed.
-    fn bytes(&self, reader: &mut ByteReader, length: usize) -> Result<Vec<u8>> {
+    fn bytes<'a, 'file: 'a>(
+        &self,
+        reader: &mut ByteReader<'file>,
+        length: usize,
+        inflater: &'a mut Inflater,
+    ) -> Result<Cow<'a, [u8]>> {
         if self.compression & (ZIP | BLOSC) == 0 {
-            return reader.take(length).map(<[u8]>::to_vec);
+            return reader.take(length).map(Cow::Borrowed);
         }
         if length == 0 && self.precision == Precision::SavedAsHalf {
-            return Ok(Vec::new());
+            return Ok(Cow::Borrowed(&[]));
         }
         let (place, stated) = (reader.place(), reader.u64()?.cast_signed());
         let packed = usize::try_from(stated.unsigned_abs()).unwrap_or(usize::MAX);
@@ -145,24 +152,44 @@ impl Codec {
                 let found = format!("{packed} bytes of values");
                 return Err(Error::malformed(place, found, format!("{length}")));
             }
-            return reader.take(length).map(<[u8]>::to_vec);
+            return reader.take(length).map(Cow::Borrowed);
         }
         let packed = reader.take(packed)?;
         if self.compression & BLOSC != 0 {
-            return blosc::decompress(packed, length, &place);
+            return blosc::decompress(packed, length, &place).map(Cow::Owned);
         }
-        unzip(packed, length, &place)
+        inflater.unzip(packed, length, &place).map(Cow::Borrowed)
     }
 }
 
-fn unzip(packed: &[u8], length: usize, place: &Place) -> Result<Vec<u8>> {
-    let plain = miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(packed, length);
-    let plain = plain.map_err(|error| {
-        Error::malformed(place.clone(), format!("a zlib stream: {error}"), "a whole one")
-    })?;
-    if plain.len() != length {
-        let found = format!("{} bytes in a zlib stream", plain.len());
-        return Err(Error::malformed(place.clone(), found, format!("{length}")));
+/// Inflates the streams of nodes, one after another: leaves are small, so tables of each one's own
+/// would take as long as its codes.
+pub struct Inflater {
+    stream: Decompress,
+    plain: Vec<u8>,
+}
+
+impl Default for Inflater {
+    fn default() -> Self {
+        Self { stream: Decompress::new(true), plain: Vec::new() }
     }
-    Ok(plain)
+}
+
+impl Inflater {
+    fn unzip(&mut self, packed: &[u8], length: usize, place: &Place) -> Result<&[u8]> {
+        self.stream.reset(true);
+        if self.plain.len() < length {
+            self.plain.resize(length, 0);
+        }
+        let plain = self.plain.get_mut(..length).unwrap_or_default();
+        let found = match self.stream.decompress(packed, plain, FlushDecompress::Finish) {
+            Ok(Status::StreamEnd) if self.stream.total_out() == length as u64 => return Ok(plain),
+            Ok(Status::StreamEnd) => {
+                format!("{} bytes in a zlib stream", self.stream.total_out())
+            }
+            Ok(_) => "a zlib stream without an end".to_owned(),
+            Err(error) => format!("a zlib stream: {error}"),
+        };
+        Err(Error::malformed(place.clone(), found, format!("a whole one of {length} bytes")))
+    }
 }

@@ -14,6 +14,9 @@
 //! Every part starts at a multiple of 32 bytes. The layout is written down in `NanoVDB.h`.
 
 use std::collections::HashSet;
+use std::io::Read as _;
+
+use flate2::read::ZlibDecoder;
 
 use super::blosc;
 use super::placed::{Placed, placed};
@@ -80,8 +83,13 @@ pub(super) fn unpacked(
         "none" => stored,
         "zip" => {
             let packed = part(&stored, 0).ok_or_else(|| malformed("no length".to_owned()))?.0;
-            miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(packed, length)
-                .map_err(|error| malformed(format!("a zlib stream: {error}")))?
+            let mut plain = Vec::new();
+            let stream = ZlibDecoder::new(packed).take(bytes + 1).read_to_end(&mut plain);
+            stream.map_err(|error| malformed(format!("a zlib stream: {error}")))?;
+            if plain.len() > length {
+                return Err(malformed(format!("more than {length} bytes in a zlib stream")));
+            }
+            plain
         }
         _ => {
             let (mut out, mut at) = (Vec::new(), 0);

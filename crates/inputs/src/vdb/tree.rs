@@ -9,7 +9,7 @@
 //! buffers    for each leaf in the same order: the mask again, values
 //! ```
 
-use super::codec::Codec;
+use super::codec::{Codec, Inflater};
 use crate::base::bytes::ByteReader;
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::{self, Budget, LimitName, Limits};
@@ -86,6 +86,7 @@ impl Tree {
                 tree.push_tile(Tile { origin, side: 1 << ROOT_CHILD, value }, budget)?;
             }
         }
+        let mut inflater = Inflater::default();
         for _ in 0..children {
             let place = reader.place();
             let origin = origin(reader)?;
@@ -95,7 +96,7 @@ impl Tree {
                 let found = format!("a node at {origin:?}");
                 return Err(Error::malformed(place, found, "multiples of 4096"));
             }
-            tree.node(reader, codec, &NODES, origin, budget)?;
+            tree.node(reader, (codec, &mut inflater), &NODES, origin, budget)?;
         }
         Ok(tree)
     }
@@ -110,7 +111,7 @@ impl Tree {
     fn node(
         &mut self,
         reader: &mut ByteReader,
-        codec: &Codec,
+        (codec, inflater): (&Codec, &mut Inflater),
         shapes: &[[u32; 2]],
         origin: [i32; 3],
         budget: &mut Budget,
@@ -138,7 +139,7 @@ impl Tree {
             place
         };
         let mut tiles = Vec::new();
-        codec.read(reader, places, &active, |number, value| {
+        codec.read(reader, (places, &active), inflater, |number, value| {
             if is_on(&active, number) && !is_on(&children, number) {
                 tiles.push(Tile { origin: at(number), side: 1 << child_edge, value });
             }
@@ -147,7 +148,7 @@ impl Tree {
             self.push_tile(tile, budget)?;
         }
         for number in (0..places).filter(|&number| is_on(&children, number)) {
-            self.node(reader, codec, below, at(number), budget)?;
+            self.node(reader, (codec, inflater), below, at(number), budget)?;
         }
         Ok(())
     }
@@ -157,6 +158,7 @@ impl Tree {
     /// # Errors
     /// `Truncated` and `Malformed`.
     pub fn buffers(&mut self, reader: &mut ByteReader, codec: &Codec) -> Result<()> {
+        let mut inflater = Inflater::default();
         for leaf in &mut self.leaves {
             let place = reader.place();
             for word in &leaf.active {
@@ -166,7 +168,8 @@ impl Tree {
                 }
             }
             let mut values = Vec::with_capacity(LEAF_VOXELS * codec.width);
-            codec.read(reader, LEAF_VOXELS, &leaf.active, |_, value| {
+            let voxels = (LEAF_VOXELS, &leaf.active[..]);
+            codec.read(reader, voxels, &mut inflater, |_, value| {
                 values.extend(value.into_iter().take(codec.width));
             })?;
             leaf.values = values;

@@ -51,16 +51,22 @@ pub struct Chosen {
 
 impl fmt::Display for Chosen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.max_error {
-            Some(errors) => write!(f, "the best that fits has --max-error {errors}")?,
-            None => write!(f, "it fits as it is")?,
+        match (self.without_finest, self.max_error) {
+            (0, None) => write!(f, "it fits as it is")?,
+            (0, Some(errors)) => write!(f, "the best that fits has --max-error {errors}")?,
+            (1, _) => write!(f, "it fits only without the finest level (--without-finest 1)")?,
+            (count, _) => {
+                write!(
+                    f,
+                    "it fits only without the {count} finest levels (--without-finest {count})"
+                )?;
+            }
         }
-        match self.without_finest {
-            0 => {}
-            count => write!(f, " and --without-finest {count}")?,
+        if let (1.., Some(errors)) = (self.without_finest, self.max_error) {
+            write!(f, ", and the best of that has --max-error {errors}")?;
         }
         match self.nearby_coarseness {
-            Some(_) => write!(f, ", and colours that move where viewers nearby see little"),
+            Some(_) => write!(f, ", and coarser colours where they are hardly seen"),
             None => Ok(()),
         }
     }

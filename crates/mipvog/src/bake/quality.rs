@@ -35,6 +35,9 @@ const FILL_ERROR: f64 = 0.25;
 pub struct Quality(f64);
 
 impl Quality {
+    /// That of the preset `web`.
+    pub const OF_WEB: Self = Self(WEB);
+
     /// Sets the errors, and [`BakeOptions::nearby_coarseness`]; where the field is `seen` from
     /// given cameras, also [`BakeOptions::min_weight`], [`BakeOptions::coarseness`] and
     /// [`BakeOptions::fill_error`].

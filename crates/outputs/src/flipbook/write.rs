@@ -119,7 +119,7 @@ impl ExportFormat for Flipbook {
             .map_err(|error| Error::usage(format!("the description is not JSON: {error}")))?;
         files.add(output.with_extension("json"), (text + "\n").as_bytes())?;
         progress.advance(Step::Write, 1);
-        let mut lost = lost(source);
+        let mut lost = lost(source, options);
         if sheet == Sheet::Png {
             lost.push("digits: colour and opacity have 8 bits".to_owned());
         }

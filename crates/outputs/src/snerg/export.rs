@@ -199,7 +199,7 @@ fn lost(source: &ExportSource, options: &ExportOptions, has_network: bool) -> Ve
         lost.push("other levels".to_owned());
     }
     if !field.is_model() {
-        lost.push("interpolation before activation: surfaces are softer".to_owned());
+        lost.push("sharpness: surfaces are softer".to_owned());
     }
     lost
 }

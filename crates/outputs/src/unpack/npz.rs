@@ -28,11 +28,20 @@ pub struct NpzSink<'a> {
     folder: PathBuf,
 }
 
-struct Appender<'a>(&'a mut Output);
+struct Appender<'a> {
+    output: &'a mut Output,
+    /// True once writing failed. An archive that is dropped then still writes its end, and would
+    /// print that it cannot.
+    has_failed: bool,
+}
 
 impl Write for Appender<'_> {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.append(bytes).map_err(std::io::Error::other)?;
+        if !self.has_failed {
+            let written = self.output.append(bytes);
+            self.has_failed = written.is_err();
+            written.map_err(|error| std::io::Error::new(error.io_kind(), error.to_string()))?;
+        }
         Ok(bytes.len())
     }
 
@@ -53,7 +62,7 @@ impl<'a> NpzSink<'a> {
         rows: Vec<Row>,
     ) -> Result<Self> {
         let folder = output.folder();
-        let zip = ZipWriter::new_stream(Appender(output));
+        let zip = ZipWriter::new_stream(Appender { output, has_failed: false });
         let mut sink = Self { zip, rows: rows.into(), left: 0, length: 0, folder };
         for (name, text) in texts {
             let characters: Vec<u8> =

@@ -145,7 +145,11 @@ pub fn write_volume(
     let texts = provenance(source, options, &volume);
     let counts = write_file(output, &volume, options.up, texts, &grids, progress)?;
     progress.advance(Step::Write, 1);
-    let mut lost = lost(source);
+    let mut lost = lost(source, options);
+    if options.supersample.is_none() {
+        let specks = "clean surfaces at grazing angles: specks, fewer with --supersample 4";
+        lost.push(specks.to_owned());
+    }
     if half {
         lost.push("precision: values are half floats; --float32 keeps it".to_owned());
     }

@@ -64,7 +64,7 @@ pub fn volume(
 }
 
 /// Content of a source that no volume format can represent.
-pub fn lost(source: &ExportSource) -> Vec<String> {
+pub fn lost(source: &ExportSource, options: &ExportOptions) -> Vec<String> {
     let view = source.field.view();
     let mut lost = Vec::new();
     if view.view_dependence.is_some() || source.field.is_model() {
@@ -74,7 +74,8 @@ pub fn lost(source: &ExportSource) -> Vec<String> {
         lost.push("other levels".to_owned());
     }
     if !source.field.is_model() {
-        lost.push("sharpness: surfaces are softer; a higher --supersample helps".to_owned());
+        let option = if options.resolution.is_some() { "resolution" } else { "supersample" };
+        lost.push(format!("sharpness: surfaces are softer; a higher --{option} helps"));
     }
     lost.push("blending: programs blend in linear light, the field was trained in sRGB".to_owned());
     lost

@@ -167,7 +167,11 @@ pub fn photograph_file(folder: &Path, camera: &Camera) -> Result<PathBuf> {
         let stated = camera.picture.clone().unwrap_or_else(|| camera.name.clone());
         let has_extension = Path::new(&stated).extension().is_some();
         let stated = if has_extension { stated } else { stated + ".png" };
-        Error::io(missing, &folder.join(stated))
+        let name = Path::new(&stated).file_name().map_or(Path::new(&stated), Path::new);
+        Error::io(missing, &folder.join(name)).advise(format!(
+            "put the picture of frame {} there, or choose frames with option frames",
+            camera.name
+        ))
     })
 }
 

@@ -51,10 +51,12 @@ impl<'a> Removal<'a> {
         let root = document.members()?;
         let fields = Fields::read(asset, &root)?;
         let count = fields.objects.len();
-        if field.is_some_and(|field| field >= count) || (count == 0 && fields.users.is_empty()) {
-            let found = field.map_or("all".to_owned(), |field| field.to_string());
-            let expected = format!("one of {count} radiance fields from 0");
-            return Err(Error::invalid_option("field", found, expected));
+        if count == 0 && fields.users.is_empty() {
+            return Err(Error::usage("the asset has no radiance field"));
+        }
+        if let Some(field) = field.filter(|field| *field >= count) {
+            let expected = format!("a number below {count}");
+            return Err(Error::invalid_option("field", field.to_string(), expected));
         }
         let gone = match field {
             Some(field) => BTreeSet::from([field]),

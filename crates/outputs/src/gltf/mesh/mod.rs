@@ -16,8 +16,9 @@
 //! glTF's linear values only at the end.
 
 mod appearance;
-mod collapse_queue;
 mod field_mesh;
+mod incidence;
+mod losses;
 mod opacity_grid;
 mod quadric;
 mod simplify;

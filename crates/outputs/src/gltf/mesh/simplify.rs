@@ -11,15 +11,14 @@
 //! Extents start at +0 and take a coordinate only if it is strictly beyond: of two zeros,
 //! `f64::min` and `f64::max` may return either, depending on the machine.
 
-use super::collapse_queue::{EdgeCollapse, Queue};
+use super::incidence::Incidence;
+use super::losses::Losses;
 use super::quadric::Quadric;
 use super::triangles::TriangleSoup;
 use super::vector::{cross, dot, length, minus};
 
 /// Weight of the distance to the vertex itself, relative to that to its planes.
 const OWN_SHARE: f64 = 1e-3;
-/// Triangles of a vertex up to which a search takes less time than sorting.
-const FEW: usize = 32;
 /// Cosine of the maximum rotation of a triangle in one collapse.
 const LEAST_TURN: f64 = 0.2;
 
@@ -32,23 +31,25 @@ pub fn simplify(soup: TriangleSoup, max_triangles: usize, cell: f64) -> Triangle
     surface.finish()
 }
 
-/// What a collapse reads of a vertex, side by side in memory: vertices are visited at random.
+/// What a collapse reads of a vertex, in two lines of a cache: vertices are visited at random.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
 struct Vertex {
     /// From the surface's origin.
     position: [f64; 3],
-    color: [f64; 3],
     quadric: Quadric,
     /// Area: the weight of the colour.
     weight: f64,
-    changes: u32,
+    color: [f32; 3],
 }
 
 struct Surface {
     vertices: Vec<Vertex>,
+    /// By vertex, the pass that moved or merged it last.
+    moved: Vec<u32>,
     triangles: Vec<[u32; 3]>,
-    /// Triangles of each vertex; empty once it was merged into another.
-    around: Vec<Vec<u32>>,
+    /// Triangles of each vertex; none once it was merged into another.
+    around: Incidence,
     /// By triangle; false once it is gone.
     alive: Vec<bool>,
     count: usize,
@@ -58,15 +59,20 @@ struct Surface {
     origin: [f64; 3],
     /// Lowest and highest coordinates; merged vertices stay in this box.
     extent: [[f64; 3]; 2],
+    /// By vertex, the search that met it last.
+    met: Vec<u32>,
+    searches: u32,
 }
 
 impl Surface {
     fn new(soup: TriangleSoup, cell: f64) -> Self {
-        let TriangleSoup { positions, colors, triangles } = soup;
+        let TriangleSoup { positions, colors, triangles } = soup.in_spatial_order();
         let origin = positions.first().copied().unwrap_or_default();
-        let vertex = |(position, color)| {
-            let (position, quadric) = (minus(position, origin), Quadric::default());
-            Vertex { position, color, quadric, weight: 0.0, changes: 0 }
+        let vertex = |(position, color): ([f64; 3], [f64; 3])| Vertex {
+            position: minus(position, origin),
+            quadric: Quadric::default(),
+            weight: 0.0,
+            color: color.map(|value| value as f32),
         };
         let vertices: Vec<Vertex> = positions.into_iter().zip(colors).map(vertex).collect();
         let bound = |pick: fn(f64, f64) -> f64| {
@@ -76,26 +82,27 @@ impl Surface {
         let extent =
             [bound(|a, b| if b < a { b } else { a }), bound(|a, b| if b > a { b } else { a })];
         let mut surface = Self {
-            around: (0..vertices.len()).map(|_| Vec::with_capacity(8)).collect(),
+            around: Incidence::new(vertices.len(), &triangles),
             alive: vec![true; triangles.len()],
             count: triangles.len(),
             cell: cell * cell,
             origin,
             extent,
+            moved: vec![0; vertices.len()],
+            met: vec![0; vertices.len()],
+            searches: 0,
             vertices,
             triangles,
         };
-        for (number, corners) in surface.triangles.iter().enumerate() {
+        for corners in &surface.triangles {
             let [a, b, c] = corners.map(|corner| surface.vertices[corner as usize].position);
             let normal = cross(minus(b, a), minus(c, a));
             let twice = length(normal);
-            for &corner in corners {
-                let corner = corner as usize;
-                surface.around[corner].push(number as u32);
-                if twice > 0.0 {
-                    let area = twice / 6.0;
-                    let plane = Quadric::plane(normal.map(|n| n / twice), a, area);
-                    let vertex = &mut surface.vertices[corner];
+            if twice > 0.0 {
+                let area = twice / 6.0;
+                let plane = Quadric::plane(normal.map(|n| n / twice), a, area);
+                for &corner in corners {
+                    let vertex = &mut surface.vertices[corner as usize];
                     let point = Quadric::point(vertex.position, OWN_SHARE * area);
                     vertex.quadric = vertex.quadric.plus(&plane).plus(&point);
                     vertex.weight += area;
@@ -105,66 +112,68 @@ impl Surface {
         surface
     }
 
-    /// Collapses edges until at most `most` triangles are left, or no edge can.
+    /// Collapses edges until at most `max_triangles` are left, or no edge can.
     fn collapse(&mut self, max_triangles: usize, careful: bool) {
-        if self.count <= max_triangles {
-            return;
-        }
-        let mut queue = Queue::new();
-        let (mut near, mut far) = (Vec::new(), Vec::new());
-        for vertex in 0..self.around.len() as u32 {
-            self.neighbours(vertex, &mut near);
-            for &other in near.iter().filter(|other| **other > vertex) {
-                self.plan([vertex, other], &mut queue);
-            }
-        }
-        while let Some(edge) = queue.pop() {
-            let current = edge.pair.map(|vertex| self.vertices[vertex as usize].changes);
-            if current != edge.changes {
-                continue;
-            }
-            let (to, _) = self.merged(edge.pair);
-            if careful && !self.is_harmless(edge.pair, to, [&mut near, &mut far]) {
-                continue;
-            }
-            let [kept, _] = edge.pair;
-            self.merge(edge.pair, to);
-            if self.count <= max_triangles {
+        let mut refused = 0;
+        while self.count > max_triangles {
+            let before = self.count;
+            // Each collapse removes two triangles.
+            let wanted = before - max_triangles;
+            let refused_before = refused;
+            refused = self.pass(max_triangles, [refused, wanted], careful);
+            if self.count == before && refused == refused_before {
                 break;
-            }
-            self.neighbours(kept, &mut near);
-            for &other in &near {
-                self.plan([kept.min(other), kept.max(other)], &mut queue);
             }
         }
     }
 
-    /// The other corners of a vertex's triangles, each once, in the order of their numbers.
-    /// `others` is cleared first: a new list per collapse would take a tenth of the time.
-    fn neighbours(&self, vertex: u32, others: &mut Vec<u32>) {
-        others.clear();
-        let around = &self.around[vertex as usize];
-        let corners = |&triangle: &u32| {
-            let [a, b, c] = self.triangles[triangle as usize];
-            if a == vertex {
-                [b, c]
-            } else if b == vertex {
-                [c, a]
-            } else {
-                [a, b]
-            }
+    /// Collapses the `wanted` edges of least loss in their order in space, which memory follows;
+    /// but none whose vertices have moved in this pass. Returns the number of edges that may not.
+    fn pass(
+        &mut self,
+        max_triangles: usize,
+        [refused, wanted]: [usize; 2],
+        careful: bool,
+    ) -> usize {
+        let mut losses = Losses::default();
+        let edges = |triangle: &[u32; 3]| {
+            let [a, b, c] = *triangle;
+            // Two triangles of a closed surface have an edge in opposite directions.
+            [[a, b], [b, c], [c, a]].into_iter().filter(move |[a, b]| a < b || !careful)
         };
-        // On a closed surface, a corner that is the first of two in one triangle is the last in
-        // another: half of them need not be sorted.
-        others.extend(around.iter().map(|triangle| corners(triangle)[0]));
-        let firsts = others.len();
-        for [_, last] in around.iter().map(corners) {
-            if firsts > FEW || !others[..firsts].contains(&last) {
-                others.push(last);
+        let mut alive = self.alive.iter();
+        let left: Vec<[u32; 3]> =
+            self.triangles.iter().copied().filter(|_| alive.next() == Some(&true)).collect();
+        for [a, b] in left.iter().flat_map(edges) {
+            losses.add(self.loss([a.min(b), a.max(b)]));
+        }
+        let cheap = losses.cheapest(refused, refused + wanted);
+        let mut refused = 0;
+        self.searches += 1;
+        let pass = self.searches;
+        for ([a, b], _) in left.iter().flat_map(edges).zip(cheap).filter(|(_, cheap)| *cheap) {
+            let pair = [a.min(b), a.max(b)];
+            if pair.iter().any(|vertex| self.moved[*vertex as usize] == pass) {
+                continue;
+            }
+            if careful && !self.stays_manifold(pair) {
+                refused += 1;
+                continue;
+            }
+            let (to, quadric) = self.merged(pair);
+            if careful && !self.keeps_facing(pair, to) {
+                refused += 1;
+                continue;
+            }
+            self.merge(pair, to, quadric);
+            for vertex in pair {
+                self.moved[vertex as usize] = pass;
+            }
+            if self.count <= max_triangles {
+                break;
             }
         }
-        others.sort_unstable();
-        others.dedup();
+        refused
     }
 
     /// The position of the merged vertex of two vertices, and the sum of their quadrics.
@@ -177,31 +186,48 @@ impl Surface {
         (std::array::from_fn(|axis| to[axis].clamp(lowest[axis], highest[axis])), quadric)
     }
 
-    /// Puts the collapse of an edge into the queue.
-    fn plan(&self, pair: [u32; 2], queue: &mut Queue) {
+    /// The loss of the collapse of an edge.
+    fn loss(&self, pair: [u32; 2]) -> f64 {
         let [a, b] = pair.map(|vertex| &self.vertices[vertex as usize]);
         let (to, quadric) = self.merged(pair);
         let error = quadric.at(to);
-        let colors = minus(a.color, b.color);
+        let colors = std::array::from_fn(|i| f64::from(a.color[i]) - f64::from(b.color[i]));
         let sum = a.weight + b.weight;
         let mean = if sum > 0.0 { a.weight * b.weight / sum } else { 0.0 };
         let error = if error > 0.0 { error } else { 0.0 };
-        let loss = error + self.cell * mean * dot(colors, colors);
-        queue.push(loss, EdgeCollapse { pair, changes: [a.changes, b.changes] });
+        error + self.cell * mean * dot(colors, colors)
     }
 
-    /// True if no triangle flips and the surface stays a manifold: the common neighbours of both
-    /// ends are the third corners of the edge's two triangles.
-    fn is_harmless(&self, [a, b]: [u32; 2], to: [f64; 3], [near, far]: [&mut Vec<u32>; 2]) -> bool {
-        self.neighbours(a, near);
-        self.neighbours(b, far);
-        let common = near.iter().filter(|vertex| far.binary_search(vertex).is_ok()).count();
-        let shared = self.around[a as usize].iter();
-        let shared = shared.filter(|&&t| self.triangles[t as usize].contains(&b)).count();
-        if common != 2 || shared != 2 {
-            return false;
+    /// True if the surface stays a manifold: the common neighbours of both ends are the third
+    /// corners of the edge's two triangles.
+    fn stays_manifold(&mut self, [a, b]: [u32; 2]) -> bool {
+        let [first, second] = [self.searches + 1, self.searches + 2];
+        self.searches = second;
+        let mut shared = 0;
+        for &triangle in self.around.of(a) {
+            let corners = self.triangles[triangle as usize];
+            shared += usize::from(corners.contains(&b));
+            for corner in corners {
+                self.met[corner as usize] = first;
+            }
         }
-        let own = [a, b].into_iter().flat_map(|vertex| &self.around[vertex as usize]);
+        for vertex in [a, b] {
+            self.met[vertex as usize] = second;
+        }
+        let mut common = 0;
+        for &triangle in self.around.of(b) {
+            for corner in self.triangles[triangle as usize] {
+                let met = &mut self.met[corner as usize];
+                common += usize::from(*met == first);
+                *met = second;
+            }
+        }
+        common == 2 && shared == 2
+    }
+
+    /// True if no triangle flips when both vertices move `to` one place.
+    fn keeps_facing(&self, [a, b]: [u32; 2], to: [f64; 3]) -> bool {
+        let own = [a, b].into_iter().flat_map(|vertex| self.around.of(vertex));
         own.map(|&triangle| self.triangles[triangle as usize])
             .filter(|corners| !(corners.contains(&a) && corners.contains(&b)))
             .all(|corners| {
@@ -213,46 +239,49 @@ impl Surface {
                     }
                 }
                 let [before, after] = [old, new].map(|[p, q, r]| cross(minus(q, p), minus(r, p)));
-                dot(before, after) > LEAST_TURN * length(before) * length(after)
+                let cosine = dot(before, after);
+                let lengths = dot(before, before) * dot(after, after);
+                cosine > 0.0 && cosine * cosine > LEAST_TURN * LEAST_TURN * lengths
             })
     }
 
-    fn merge(&mut self, pair: [u32; 2], to: [f64; 3]) {
-        let [kept, gone] = pair.map(|vertex| vertex as usize);
-        let other = self.vertices[gone];
-        self.vertices[gone].changes += 1;
-        let own = &mut self.vertices[kept];
+    fn merge(&mut self, pair: [u32; 2], to: [f64; 3], quadric: Quadric) {
+        let [kept, gone] = pair;
+        let other = self.vertices[gone as usize];
+        let own = &mut self.vertices[kept as usize];
         let (wa, wb) = (own.weight, other.weight);
         if wa + wb > 0.0 {
-            let [a, b] = [own.color, other.color];
-            own.color = std::array::from_fn(|i| (wa * a[i] + wb * b[i]) / (wa + wb));
+            let [a, b] = [own.color, other.color].map(|color| color.map(f64::from));
+            own.color = std::array::from_fn(|i| ((wa * a[i] + wb * b[i]) / (wa + wb)) as f32);
         }
         own.weight = wa + wb;
-        own.quadric = own.quadric.plus(&other.quadric);
+        own.quadric = quadric;
         own.position = to;
-        own.changes += 1;
-        for triangle in std::mem::take(&mut self.around[gone]) {
+        let moved = self.around.take(gone);
+        self.around.reserve(kept, moved.len());
+        for at in moved {
+            let triangle = self.around.at(at);
             let corners = &mut self.triangles[triangle as usize];
-            if corners.contains(&pair[0]) {
+            if corners.contains(&kept) {
                 self.remove(triangle);
                 continue;
             }
-            for corner in corners.iter_mut().filter(|corner| **corner as usize == gone) {
-                *corner = pair[0];
+            for corner in corners.iter_mut().filter(|corner| **corner == gone) {
+                *corner = kept;
             }
             let corners = *corners;
             match self.twin(kept, corners) {
                 // Both sides of an empty region.
                 Some(twin) => [triangle, twin].into_iter().for_each(|t| self.remove(t)),
-                None => self.around[kept].push(triangle),
+                None => self.around.push(kept, triangle),
             }
         }
     }
 
     /// A triangle of a vertex with the same corners that faces the opposite direction.
-    fn twin(&self, vertex: usize, [a, b, c]: [u32; 3]) -> Option<u32> {
+    fn twin(&self, vertex: u32, [a, b, c]: [u32; 3]) -> Option<u32> {
         let turned = [[a, c, b], [c, b, a], [b, a, c]];
-        let mut around = self.around[vertex].iter().copied();
+        let mut around = self.around.of(vertex).iter().copied();
         around.find(|&other| turned.contains(&self.triangles[other as usize]))
     }
 
@@ -261,7 +290,7 @@ impl Surface {
             self.count -= 1;
         }
         for corner in self.triangles[triangle as usize] {
-            self.around[corner as usize].retain(|&other| other != triangle);
+            self.around.remove(corner, triangle);
         }
     }
 
@@ -277,7 +306,7 @@ impl Surface {
                 *number = left.positions.len() as u32;
                 let Vertex { position, color, .. } = self.vertices[*corner as usize];
                 left.positions.push(std::array::from_fn(|axis| position[axis] + self.origin[axis]));
-                left.colors.push(color);
+                left.colors.push(color.map(f64::from));
             }
         }
         let renumbered = self.triangles.iter();

@@ -4,6 +4,9 @@ use super::vector::{cross, length, minus};
 use crate::base::srgb::linear;
 use crate::model::grid::Bounds;
 
+/// Cells of a Z-order curve along an axis.
+const Z_ORDER_CELLS: f64 = 2097151.0;
+
 /// Triangles in training axes, counter-clockwise as seen from outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
@@ -48,6 +51,33 @@ impl TriangleSoup {
                 middle < f64::from(bounds.min[axis]) || middle > f64::from(bounds.max[axis])
             })
         });
+    }
+
+    /// The same with vertices along a Z-order curve, and triangles in the order of their lowest
+    /// vertices: neighbours are then near in memory.
+    pub(super) fn in_spatial_order(self) -> Self {
+        let bound = |pick: fn(f64, f64) -> f64, start: f64| {
+            let join = |a: [f64; 3], b: &[f64; 3]| std::array::from_fn(|i| pick(a[i], b[i]));
+            self.positions.iter().fold([start; 3], join)
+        };
+        let (lowest, highest) = (bound(f64::min, f64::MAX), bound(f64::max, f64::MIN));
+        let side = minus(highest, lowest).into_iter().fold(f64::MIN_POSITIVE, f64::max);
+        let key = |position: &[f64; 3]| {
+            let at = minus(*position, lowest).map(|at| (at / side * Z_ORDER_CELLS) as u64);
+            at.into_iter().fold(0, |key, at| key << 1 | spread(at))
+        };
+        let mut order: Vec<(u64, u32)> = self.positions.iter().map(key).zip(0..).collect();
+        order.sort_unstable();
+        let mut numbers = vec![0; order.len()];
+        for (number, (_, old)) in (0..).zip(&order) {
+            numbers[*old as usize] = number;
+        }
+        let reordered =
+            |values: &[[f64; 3]]| order.iter().map(|(_, old)| values[*old as usize]).collect();
+        let mut triangles: Vec<[u32; 3]> =
+            self.triangles.iter().map(|corners| corners.map(|old| numbers[old as usize])).collect();
+        triangles.sort_by_key(|corners| corners.iter().min().copied());
+        Self { positions: reordered(&self.positions), colors: reordered(&self.colors), triangles }
     }
 
     /// Unit normals of the vertices, outwards: means over their triangles, weighted by area. Along
@@ -160,4 +190,17 @@ impl Mesh {
             fold(f32::NEG_INFINITY, |bound, value| if value > bound { value } else { bound }),
         ]
     }
+}
+
+/// The lowest 21 bits of a number, each followed by two zeros.
+fn spread(number: u64) -> u64 {
+    let steps = [
+        (32, 0x001f_0000_0000_ffff),
+        (16, 0x001f_0000_ff00_00ff),
+        (8, 0x100f_00f0_0f00_f00f),
+        (4, 0x10c3_0c30_c30c_30c3),
+        (2, 0x1249_2492_4924_9249),
+    ];
+    let start = number & 0x1f_ffff;
+    steps.into_iter().fold(start, |bits, (shift, mask)| (bits | bits << shift) & mask)
 }
