@@ -355,7 +355,8 @@ impl CompareReport {
 
     fn text(&self, both_have_levels: bool, common: &Common) -> String {
         let psnr = self.scales.iter().find(|errors| errors.scale == 1);
-        let psnr = psnr.map_or_else(String::new, |full| format!("{:.2} dB, ", full.pooled_psnr));
+        let psnr =
+            psnr.map_or_else(String::new, |full| format!("{:.2} dB pooled, ", full.pooled_psnr));
         let frames = counted(self.frames, "frame");
         let line = format!("{}: {psnr}{frames}", self.title());
         let mut text = folded(&line, columns(), 4) + "\n";

@@ -104,11 +104,14 @@ function copied(text: string): Promise<boolean> {
 }
 
 async function enter(stage: Stage): Promise<void> {
+  // A headset moves the camera.
+  const { viewpoint } = stage;
   const session = await navigator.xr!.requestSession("immersive-vr", { optionalFeatures: ["local-floor"] });
   stage.renderer.xr.enabled = true;
   await stage.renderer.xr.setSession(session);
   session.addEventListener("end", () => {
     stage.renderer.xr.enabled = false;
+    stage.viewpoint = viewpoint;
     stage.redraw(true);
   });
 }

@@ -141,7 +141,7 @@ async function show(open: () => Opened | Promise<Opened>, name?: string | null):
   measuring.forget();
   showName(opened.name);
   offerLevels(field());
-  paint(null);
+  paint(askedGround());
   frame();
   if (made.lacks) fail(made.lacks, "without");
   await finish(made);
@@ -195,6 +195,12 @@ function frame(): void {
   const view = addressedView();
   if (view) stage.viewpoint = view;
   showView(stage);
+}
+
+/** The ground that the address asks for; null without one, or where no color has this name. */
+function askedGround(): string | null {
+  const color = new URLSearchParams(location.search).get("background");
+  return color && CSS.supports("color", color) ? color : null;
 }
 
 /** The ground behind the field: a color, or null for the one that it was trained on. */

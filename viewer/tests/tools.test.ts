@@ -222,13 +222,14 @@ night("a file beside another one follows the chosen level and colours, as far as
 test("a frame has no tools, its own view and a poster, and turns by itself", async () => {
   server.offer("poster.png", Buffer.from("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4//8/AAX+Av4N70a4AAAAAElFTkSuQmCC", "base64"));
   const { page, problems } = await newPage(browser, { width: 480, height: 300 });
-  await page.goto(`${server.page("tiny.mipvog", bytes)}&ui=0&autorotate&poster=poster.png&camera=3,1,0,0,0,0,50`);
+  await page.goto(`${server.page("tiny.mipvog", bytes)}&ui=0&autorotate&poster=poster.png&camera=3,1,0,0,0,0,50&background=rgb(16,32,48)`);
   // What turns is never at rest.
   await page.waitForFunction(() => window.__mipvog?.firstPicture);
   assert.equal(await page.locator("#panel, #tools").evaluateAll((all) => all.every((one) => getComputedStyle(one).display === "none")), true);
   assert.equal(await page.evaluate(() => window.__mipvog.stage.controls.autoRotate), true);
   assert.equal(await page.locator("#poster").isHidden(), true);
   assert.equal(await page.evaluate(() => window.__mipvog.stage.fov), 50);
+  assert.equal(await page.locator("#background").inputValue(), "#102030");
   assert.deepEqual(problems, []);
   await page.close();
 });

@@ -7,9 +7,8 @@
 //!    surface nets: one vertex for each cell that the surface goes through, at the mean of its
 //!    crossings, and a quad around each edge that it crosses. Its vertices lie in the box, and it
 //!    has no border.
-//! 3. **Simplify** ([`simplify`]): edges collapse in the order of their loss, the quadric error of
-//!    Garland and Heckbert (1997), down to the requested number of triangles.
-//!
+//! 3. **Simplify** ([`simplify`]): edges with the least loss collapse, the quadric error of Garland
+//!    and Heckbert (1997), down to the requested number of triangles.
 //! 4. **Appearance** ([`appearance`]): each vertex gets the mean colour as seen from around it.
 //!
 //! All steps use float64 in a fixed order. Colours are converted from display-referred sRGB to

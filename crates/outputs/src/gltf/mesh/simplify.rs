@@ -1,4 +1,9 @@
-//! Fewer triangles: edges collapse, the one with the least loss first (Garland and Heckbert 1997).
+//! Fewer triangles: edges collapse, those with the least loss first (Garland and Heckbert 1997).
+//!
+//! Exact order would need a queue, in which most entries are outdated when their turn comes, and
+//! whose collapses are far from each other in memory. Instead, each pass computes the losses of all
+//! edges and collapses the cheapest in the order of their vertices in space, but none at a vertex
+//! that has moved in the same pass.
 //!
 //! A vertex carries a quadric, `Q(x) = x' A x + 2 b' x + c`: the sum, over the planes of its
 //! triangles, of area times squared distance, and a small share of the squared distance to the
@@ -114,15 +119,18 @@ impl Surface {
 
     /// Collapses edges until at most `max_triangles` are left, or no edge can.
     fn collapse(&mut self, max_triangles: usize, careful: bool) {
-        let mut refused = 0;
+        let (mut refused, mut stalls) = (0, 0u32);
         while self.count > max_triangles {
             let before = self.count;
-            // Each collapse removes two triangles.
-            let wanted = before - max_triangles;
+            // Each collapse removes two triangles, but many edges wait for the next pass. Where none
+            // may collapse, twice as many are tried.
+            let wanted = (before - max_triangles) << stalls.min(20);
             let refused_before = refused;
             refused = self.pass(max_triangles, [refused, wanted], careful);
-            if self.count == before && refused == refused_before {
-                break;
+            match self.count == before {
+                true if refused == refused_before => break,
+                true => stalls += 1,
+                false => stalls = 0,
             }
         }
     }
@@ -156,8 +164,13 @@ impl Surface {
             if pair.iter().any(|vertex| self.moved[*vertex as usize] == pass) {
                 continue;
             }
-            if careful && !self.stays_manifold(pair) {
-                refused += 1;
+            let stays = match careful {
+                true => self.stays_manifold(pair),
+                // Its triangles may have gone with those of others.
+                false => self.around.of(a).iter().any(|t| self.triangles[*t as usize].contains(&b)),
+            };
+            if !stays {
+                refused += usize::from(careful);
                 continue;
             }
             let (to, quadric) = self.merged(pair);
