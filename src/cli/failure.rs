@@ -83,12 +83,6 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
             let next = error.file().and_then(|path| next_command(path, found));
             next.map_or_else(|| error.remedy(), |next| named(&next).into())
         }
-        ErrorKind::Malformed { .. } if *error.place() == Place::Pointer(NO_ASSET.to_owned()) => {
-            format!("if this is no glTF asset: {OTHER_JSON}").into()
-        }
-        ErrorKind::Malformed { .. } if *error.place() == no_field() => {
-            "put a container in with mipvog-bake attach, or name a container".into()
-        }
         ErrorKind::Malformed { .. }
             if !matches!(error.place(), Place::Line(_))
                 && error
@@ -96,6 +90,12 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
                     .is_some_and(|file| file.extension().is_some_and(|e| e == "jsonl")) =>
         {
             "a list of scenes is the manifest of a bake: bake --manifest".into()
+        }
+        ErrorKind::Malformed { .. } if *error.place() == Place::Pointer(NO_ASSET.to_owned()) => {
+            format!("if this is no glTF asset: {OTHER_JSON}").into()
+        }
+        ErrorKind::Malformed { .. } if *error.place() == no_field() => {
+            "put a container in with mipvog-bake attach, or name a container".into()
         }
         ErrorKind::Malformed { .. } if matches!(error.place(), Place::Line(_)) => {
             "correct this line".into()

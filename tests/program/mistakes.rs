@@ -62,6 +62,7 @@ fn the_remedy_of_a_path_in_the_wrong_place_can_be_typed() {
     std::fs::create_dir(here.join("empty")).expect("made");
     std::fs::write(here.join("scenes.jsonl"), "{\"input\": \"a\", \"output\": \"b\"}\n").expect("");
     std::fs::copy(here.join("in.tar"), here.join("two.tar")).expect("copied");
+    std::fs::write(here.join("notes.txt"), "nothing to bake\n").expect("written");
     let cases: [(&[&str], i32, &[&str]); 13] = [
         (&["bake", "in.tar", "two.tar"], 2, &["several inputs go into a folder: -o baked/"]),
         (&["render", "a.mipvog", "b.mipvog", "-o", "p/"], 2, &["render takes one input"]),
@@ -74,14 +75,14 @@ fn the_remedy_of_a_path_in_the_wrong_place_can_be_typed() {
         (&["report", "a.mipvog"], 3, &["found a .mipvog container", "lines of JSON"]),
         (&["bake", "scenes.jsonl", "-o", "x.mipvog"], 3, &["bake --manifest"]),
         (&["bake", "in.tar", "-o", "x.mipvog", "--cameras", "empty"], 5, &["transforms.json"]),
-        (&["inspect", "scenes.jsonl"], 3, &["a .mipvog container"]),
+        (&["inspect", "notes.txt"], 3, &["expected a .mipvog container, a glTF asset with one, "]),
         (&["inspect", "a.mipvog", "--thumbnail", "t.jpg"], 2, &["a thumbnail is a PNG", "t.png"]),
     ];
     for (line, code, says) in cases {
         ends(here, line, code, says);
     }
     let left = std::fs::read_dir(here).expect("a folder").count();
-    assert_eq!(left, 5, "nothing is written");
+    assert_eq!(left, 6, "nothing is written");
 }
 
 #[test]
