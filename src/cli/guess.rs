@@ -147,8 +147,8 @@ pub fn mistaken(
     }
 }
 
-/// The parser's message without what helps nobody: how to pass options as paths, where to find the
-/// options of a value that is wrong, and names of Rust's errors.
+/// The parser's message in plain words, without hints that lead nowhere: how to pass an option as a
+/// path, and where to read of an option whose value is out of range.
 pub fn words_of(error: &clap::Error) -> String {
     let is_value = matches!(error.kind(), Mistake::InvalidValue | Mistake::ValueValidation);
     let text = error.to_string();

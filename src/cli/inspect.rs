@@ -24,7 +24,7 @@ use crate::base::bytes::{ByteSink, SourceFile};
 use crate::base::error::{Error, Place, Result};
 use crate::base::limits::Limits;
 use crate::container::{Container, is_container};
-use mipvog_inputs::{Inspection, SceneSettings, SourceOptions};
+use mipvog_inputs::{Family, Inspection, SceneContent, SceneSettings, SourceOptions};
 use mipvog_outputs::gltf::asset::{Asset, Fields, is_asset};
 
 /// Show what files contain, without decoding them
@@ -195,6 +195,14 @@ fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> Strin
     for assumption in &inspection.assumptions {
         let line = format!("  note: {}", assumed(&assumption.message));
         text += &(folded(&line, columns(), 4) + "\n");
+    }
+    let is_unbounded = |scene: &SceneContent| scene.march.near == 0.0 && scene.march.far.is_none();
+    if matches!(inspection.model, Some(Family::MipVog | Family::Dvgo))
+        && inspection.scene.as_ref().is_some_and(is_unbounded)
+    {
+        let line = "  note: near and far are not stored: rays are not bounded, unless --near and \
+                    --far say so; likewise --background, which is white";
+        text += &(folded(line, columns(), 4) + "\n");
     }
     if !verbose {
         let count = counted(inspection.values.len(), "entry").replace("entrys", "entries");

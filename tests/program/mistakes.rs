@@ -119,6 +119,7 @@ fn files_beside_a_checkpoint_count_for_inspect_and_validate() {
     let here = folder.path();
     let noted = ends(here, &["inspect", "in.tar"], 0, &[]);
     assert!(words(&noted.stdout).contains("step length"));
+    assert!(words(&noted.stdout).contains("near and far are not stored"));
     ends(here, &["validate", "in.tar", "--deny-warnings"], 1, &["warning", "--deny-warnings"]);
     std::fs::write(here.join("scene.toml"), "stepsize = 0.25\n").expect("written");
     let noted = words(&ends(here, &["inspect", "in.tar"], 0, &[]).stdout);

@@ -303,6 +303,6 @@ mod tests {
         assert_eq!(compared(7, 7), "as large as");
         assert_eq!(compared(7000, 7010), "as large as");
         assert_eq!(compared(30, 20), "1.5 x larger than");
-        assert_eq!(compared(0, 0), "1.0 x smaller than");
+        assert_eq!(compared(0, 0), "as large as");
     }
 }

@@ -135,7 +135,7 @@ impl ExportFormat for Flipbook {
         files: &WrittenFiles,
         limits: &Limits,
     ) -> Result<Box<dyn Shown>> {
-        let model = VolumeModel::new(&read(files, limits)?, limits)?;
+        let model = VolumeModel::new(read(files, limits)?, limits)?;
         Ok(Box::new(Renderer::with_view(source.field.view(), Box::new(model))))
     }
 }

@@ -69,7 +69,7 @@ impl ExportFormat for Vdb {
         limits: &Limits,
     ) -> Result<Box<dyn Shown>> {
         let points = points_of(read_points(files, limits)?, limits)?;
-        let model = VolumeModel::new(&points, limits)?;
+        let model = VolumeModel::new(points, limits)?;
         Ok(Box::new(Renderer::with_view(source.field.view(), Box::new(model))))
     }
 }

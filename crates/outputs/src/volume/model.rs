@@ -24,10 +24,10 @@ const SAMPLES: f64 = 2.0;
 const OPAQUE: f64 = 11.6;
 /// Opacities are clamped to 1 minus this.
 const CLEAREST: f32 = 1e-6;
-/// Points along the edge of a leaf and its apron on the upper sides.
-const APRON: usize = SIDE + 1;
-/// Marks places without a leaf.
-const NO_LEAF: u32 = u32::MAX;
+/// Marks places without a leaf, all of whose cells are empty.
+const EMPTY: u32 = u32::MAX;
+/// Marks places without a leaf, some of whose cells end at points of leaves above them.
+const BORDER: u32 = u32::MAX - 1;
 
 /// The meaning of the first value of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,31 +65,25 @@ pub struct VolumeModel {
     counts: [usize; 3],
     /// Rays are marched between these places along each axis, in steps.
     faces: [[f64; 2]; 3],
-    /// Leaf of each place, or [`NO_LEAF`].
+    /// Leaf of each place, or [`EMPTY`] or [`BORDER`].
     table: Vec<u32>,
-    /// Leaves with aprons.
-    values: Vec<[f32; 4]>,
+    leaves: Vec<Vec<[f32; 4]>>,
 }
 
 impl VolumeModel {
-    /// Gives each leaf an apron.
+    /// Finds the place of each leaf.
     ///
     /// # Errors
     ///
     /// More memory than the limits allow.
-    pub fn new(points: &VolumePoints, limits: &Limits) -> Result<Self> {
-        // A cell belongs to the leaf of its lowest point.
-        let mut owners: Vec<[i32; 3]> = Vec::new();
-        for at in points.leaves.keys() {
-            owners.extend((0..8).map(|corner| {
-                let down = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-                std::array::from_fn(|axis| at[axis] - down[axis])
-            }));
-        }
-        owners.sort_unstable();
-        owners.dedup();
-        let lowest = [0, 1, 2].map(|a| owners.iter().map(|at| at[a]).min().unwrap_or(0));
-        let highest = [0, 1, 2].map(|a| owners.iter().map(|at| at[a]).max().unwrap_or(-1));
+    pub fn new(points: VolumePoints, limits: &Limits) -> Result<Self> {
+        let VolumePoints { first, spacing, extinction, faces, leaves } = points;
+        let mut leaves: Vec<_> = leaves.into_iter().collect();
+        leaves.sort_unstable_by_key(|(at, _)| *at);
+        // A cell belongs to the place of its lowest point, which can be below all leaves.
+        let numbers = |axis: usize| leaves.iter().map(move |(at, _)| at[axis]);
+        let lowest = [0, 1, 2].map(|axis| numbers(axis).min().map_or(0, |low| low - 1));
+        let highest = [0, 1, 2].map(|axis| numbers(axis).max().unwrap_or(-1));
         let counts: [usize; 3] =
             std::array::from_fn(|axis| (highest[axis] - lowest[axis] + 1).max(0) as usize);
         let mut budget = Budget::new(limits);
@@ -97,44 +91,58 @@ impl VolumeModel {
         let places = counts.iter().try_fold(1usize, |n, &count| n.checked_mul(count));
         let mut table: Vec<u32> =
             budget.zeroed(places.unwrap_or(usize::MAX), what, &Place::File)?;
-        table.fill(NO_LEAF);
-        let length = APRON.pow(3);
-        let mut values: Vec<[f32; 4]> =
-            budget.zeroed(owners.len() * length, "bytes of a volume", &Place::File)?;
-        for (number, (at, values)) in owners.iter().zip(values.chunks_exact_mut(length)).enumerate()
-        {
-            let [x, y, z] = std::array::from_fn(|axis| (at[axis] - lowest[axis]) as usize);
-            table[(x * counts[1] + y) * counts[2] + z] = number as u32;
-            fill(points, *at, values);
+        table.fill(EMPTY);
+        for (number, (at, _)) in leaves.iter().enumerate() {
+            for corner in 0..8usize {
+                let down = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+                let [x, y, z] =
+                    std::array::from_fn(|axis| (at[axis] - lowest[axis]) as usize - down[axis]);
+                let place = &mut table[(x * counts[1] + y) * counts[2] + z];
+                *place = match *place {
+                    _ if corner == 0 => number as u32,
+                    EMPTY => BORDER,
+                    other => other,
+                };
+            }
         }
-        let (first, spacing, extinction) = (points.first, points.spacing, points.extinction);
-        let leaves = [0, 1, 2].map(|axis| {
+        let all = [0, 1, 2].map(|axis| {
             let low = f64::from(lowest[axis]) * SIDE as f64;
             [low, low + (counts[axis] * SIDE) as f64]
         });
-        let faces = points.faces.unwrap_or(leaves);
-        Ok(Self { first, spacing, extinction, lowest, counts, faces, table, values })
+        let faces = faces.unwrap_or(all);
+        let leaves = leaves.into_iter().map(|(_, values)| values).collect();
+        Ok(Self { first, spacing, extinction, lowest, counts, faces, table, leaves })
     }
 
-    /// The values of the leaf that owns a cell, and the cell in it.
-    fn leaf(&self, cell: [i64; 3]) -> Option<(&[[f32; 4]], [usize; 3])> {
+    /// The leaf of a point, or [`BORDER`], and the point in it; none where all cells are empty.
+    fn leaf(&self, point: [i64; 3]) -> Option<(u32, [usize; 3])> {
         let side = SIDE as i64;
         let mut place = [0; 3];
         for axis in 0..3 {
-            let at = cell[axis].div_euclid(side) - i64::from(self.lowest[axis]);
+            let at = point[axis].div_euclid(side) - i64::from(self.lowest[axis]);
             place[axis] = usize::try_from(at).ok().filter(|&at| at < self.counts[axis])?;
         }
-        let at = (place[0] * self.counts[1] + place[1]) * self.counts[2] + place[2];
-        let number = self.table[at];
-        let length = APRON.pow(3);
-        let values = self.values.get(number as usize * length..)?.get(..length)?;
-        Some((values, cell.map(|cell| cell.rem_euclid(side) as usize)))
+        let number = self.table[(place[0] * self.counts[1] + place[1]) * self.counts[2] + place[2]];
+        (number != EMPTY).then(|| (number, point.map(|at| at.rem_euclid(side) as usize)))
+    }
+
+    /// The values of a point.
+    fn point(&self, at: [i64; 3]) -> [f32; 4] {
+        match self.leaf(at) {
+            Some((number, [x, y, z])) if number != BORDER => {
+                self.leaves[number as usize][(x * SIDE + y) * SIDE + z]
+            }
+            _ => [0.0; 4],
+        }
     }
 
     /// Interpolated values at a place, in distances of points.
     fn at(&self, place: [f64; 3]) -> Option<[f32; 4]> {
         let low = place.map(|at| at.floor());
-        let (values, [x, y, z]) = self.leaf(low.map(|at| at as i64))?;
+        let cell = low.map(|at| at as i64);
+        let (number, [x, y, z]) = self.leaf(cell)?;
+        let is_inside = number != BORDER && [x, y, z].iter().all(|at| at + 1 < SIDE);
+        let leaf = if is_inside { Some(&self.leaves[number as usize]) } else { None };
         let fraction: [f32; 3] = std::array::from_fn(|axis| (place[axis] - low[axis]) as f32);
         let mut sum = [0.0; 4];
         for corner in 0..8usize {
@@ -142,8 +150,11 @@ impl VolumeModel {
             let weight = (0..3).fold(1.0, |weight, axis| {
                 weight * if up[axis] == 1 { fraction[axis] } else { 1.0 - fraction[axis] }
             });
-            let node = ((x + up[0]) * APRON + y + up[1]) * APRON + z + up[2];
-            for (sum, value) in sum.iter_mut().zip(values[node]) {
+            let values = match leaf {
+                Some(leaf) => leaf[((x + up[0]) * SIDE + y + up[1]) * SIDE + z + up[2]],
+                None => self.point(std::array::from_fn(|axis| cell[axis] + up[axis] as i64)),
+            };
+            for (sum, value) in sum.iter_mut().zip(values) {
                 *sum += weight * value;
             }
         }
@@ -161,23 +172,6 @@ impl VolumeModel {
 
     fn place(&self, world: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| (world[axis] - self.first[axis]) / self.spacing[axis])
-    }
-}
-
-/// Copies the values of a leaf and of its upper neighbours.
-fn fill(points: &VolumePoints, at: [i32; 3], out: &mut [[f32; 4]]) {
-    for corner in 0..8usize {
-        let up = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-        let neighbour: [i32; 3] = std::array::from_fn(|axis| at[axis] + up[axis] as i32);
-        let Some(values) = points.leaves.get(&neighbour) else { continue };
-        // Of neighbours, the points on the side of the leaf.
-        let [nx, ny, nz] = up.map(|up| if up == 1 { 1 } else { SIDE });
-        let [fx, fy, fz] = up.map(|up| up * SIDE);
-        for (x, y) in (0..nx).flat_map(|x| (0..ny).map(move |y| (x, y))) {
-            let from = (x * SIDE + y) * SIDE;
-            let to = ((x + fx) * APRON + y + fy) * APRON + fz;
-            out[to..to + nz].copy_from_slice(&values[from..from + nz]);
-        }
     }
 }
 
