@@ -98,7 +98,7 @@ test("a wrong file leaves the scene, its name and its view", async () => {
     document.querySelector("#picture")!.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
   });
   await page.waitForFunction(() => window.__mipvog.error);
-  await page.locator("#error button").click();
+  await page.locator("#error").getByText("Close").click();
   assert.equal(await page.evaluate(() => window.__mipvog.field!.finest), 0);
   assert.equal(await page.locator("#name").textContent(), "tiny.mipvog");
   assert.deepEqual(await view(page), before);
