@@ -23,6 +23,9 @@ pub(super) struct Outcome {
     pub(super) failure: Option<String>,
 }
 
+/// Members of reports that people type. Others are exact: bounds of errors hold as they are stated.
+const AS_TYPED: [&str; 2] = ["options", "settings"];
+
 /// Without the digits that float32 cannot hold: a number that is one has its shortest text.
 fn shortened(value: serde_json::Value) -> serde_json::Value {
     use serde_json::Value;
@@ -50,8 +53,11 @@ impl Outcome {
         json.insert("schema".to_owned(), format!("mipvog-{verb}/1").into());
         let report = serde_json::to_value(report)
             .map_err(|error| Error::usage(format!("the report is not JSON: {error}")))?;
-        if let serde_json::Value::Object(report) = shortened(report) {
-            json.extend(report);
+        if let serde_json::Value::Object(report) = report {
+            json.extend(report.into_iter().map(|(key, value)| match AS_TYPED.contains(&&*key) {
+                true => (key, shortened(value)),
+                false => (key, value),
+            }));
         }
         Ok(Self { text, json: json.into(), sarif: None, failure: None })
     }
