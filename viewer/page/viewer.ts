@@ -24,7 +24,7 @@ interface Hook {
   /** Undefined until the device is started. */
   readonly stage: Stage;
   /** Pixels of a picture; `toWorld` is a camera's matrix in the field's axes, row by row. */
-  capture(view: { width: number; height: number; toWorld: number[][]; focal: number }): number[];
+  capture(view: { width: number; height: number; toWorld: number[][]; focal: number; seesAll?: boolean }): number[];
   statistics(skips: boolean): Statistics | null;
 }
 
@@ -351,12 +351,12 @@ window.__mipvog = {
   get stage() {
     return stage;
   },
-  capture({ width, height, toWorld, focal }) {
+  capture({ width, height, toWorld, focal, seesAll }) {
     const shown = field();
     if (!shown) return [];
     shown.updateWorldMatrix(true, false);
     const camera = new Matrix4().fromArray(toWorld.flat()).transpose().premultiply(shown.matrixWorld);
-    shown.keepsRange = true;
+    shown.keepsRange = !seesAll;
     const pixels = Array.from(stage.capture(width, height, camera.toArray(), focal));
     shown.keepsRange = false;
     return pixels;

@@ -188,6 +188,13 @@ night("a field is drawn many times, below any parent, from one set of textures",
   assert.deepEqual(scenes.wrong(), []);
 });
 
+/** What Reinhard's tone mapping makes of a picture with colours as on a display. */
+function toneMapped(pixels: number[]): number[] {
+  const linear = (value: number) => (value / 255 <= 0.04045 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4);
+  const display = (value: number) => 255 * (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
+  return pixels.map((value, at) => (at % 4 === 3 ? value : display(linear(value) / (1 + linear(value)))));
+}
+
 test("post-processing takes a field as part of its pass, and outputs are tone mapped and coded with all else", async () => {
   const told = await scenes.page.evaluate(async (address) => {
     const { THREE, TSL, RenderPipeline, SIZE, sceneOf, rendererOf, cameraAt, load, picture, read } = window.gpu;
@@ -217,10 +224,40 @@ test("post-processing takes a field as part of its pass, and outputs are tone ma
   }, scenes.harmonics);
   assert.ok(psnr(told.direct, told.plain) > 45, `on a canvas: ${psnr(told.direct, told.plain)} dB`);
   assert.ok(psnr(told.passed, told.plain) > 45, `by a pass: ${psnr(told.passed, told.plain)} dB`);
-  const linear = (value: number) => (value / 255 <= 0.04045 ? value / 255 / 12.92 : ((value / 255 + 0.055) / 1.055) ** 2.4);
-  const display = (value: number) => 255 * (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
-  const wanted = told.plain.map((value, at) => (at % 4 === 3 ? value : display(linear(value) / (1 + linear(value)))));
+  const wanted = toneMapped(told.plain);
   assert.ok(psnr(told.mapped, wanted) > 40, `tone mapped: ${psnr(told.mapped, wanted)} dB`);
+  assert.deepEqual(scenes.wrong(), []);
+});
+
+test("with WebGL, a composer draws a field in its pass, and its last pass tone maps it with all else", async () => {
+  const [plain, composed, mapped] = await scenes.page.evaluate(async (address) => {
+    const { EffectComposer, OutputPass, RenderPass, THREE, SIZE, sceneOf, rendererOf, cameraAt, load, picture } = window.gpu;
+    const { scene, field } = sceneOf(address);
+    const renderer = await rendererOf("webgl");
+    const camera = cameraAt([3.5, 0.8, 0]);
+    await load(renderer, scene, camera);
+    const pictures = [(await picture(renderer, scene, camera)).pixels];
+    const composer = new EffectComposer(renderer);
+    composer.addPass(new RenderPass(scene, camera));
+    composer.addPass(new OutputPass());
+    for (const toneMapping of [THREE.NoToneMapping, THREE.ReinhardToneMapping]) {
+      renderer.toneMapping = toneMapping;
+      composer.render();
+      const gl = renderer.getContext() as WebGL2RenderingContext;
+      const pixels = new Uint8Array(4 * SIZE * SIZE);
+      gl.readPixels(0, 0, SIZE, SIZE, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      // Rows from the top.
+      pictures.push(Array.from({ length: SIZE }, (_, row) => Array.from(pixels.subarray(4 * SIZE * (SIZE - 1 - row), 4 * SIZE * (SIZE - row)))).flat());
+    }
+    composer.dispose();
+    field.dispose();
+    renderer.dispose();
+    return pictures;
+  }, scenes.harmonics);
+  assert.ok(new Set(plain).size > 50, "something is to be seen");
+  assert.ok(psnr(composed, plain) > 45, `by a composer: ${psnr(composed, plain)} dB`);
+  const wanted = toneMapped(plain);
+  assert.ok(psnr(mapped, wanted) > 40, `tone mapped: ${psnr(mapped, wanted)} dB`);
   assert.deepEqual(scenes.wrong(), []);
 });
 

@@ -128,9 +128,9 @@ for (const [release, { createServer }] of Object.entries({ 5: viteOldest, 7: vit
   }
 }
 
-test("a page of React that a server has drawn is taken over by the browser, and shows the scene", async () => {
+test("a page of React that a server has drawn is taken over by the browser in strict mode, and shows the scene", async () => {
   const root = join(USER, "next");
-  writeFileSync(join(root, "main.jsx"), 'import { hydrateRoot } from "react-dom/client"; import Page from "./page.jsx"; hydrateRoot(document.getElementById("root"), <Page />);');
+  writeFileSync(join(root, "main.jsx"), 'import { StrictMode } from "react"; import { hydrateRoot } from "react-dom/client"; import Page from "./page.jsx"; hydrateRoot(document.getElementById("root"), <StrictMode><Page /></StrictMode>);');
   writeFileSync(join(root, "server.jsx"), 'import { renderToString } from "react-dom/server"; import "mipvog-viewer/element"; import Page from "./page.jsx"; console.log(renderToString(<Page />));');
   await esbuild.build({ entryPoints: [join(root, "server.jsx")], bundle: true, format: "esm", platform: "node", packages: "external", jsx: "automatic", outfile: join(root, "server.mjs"), logLevel: "error" });
   const drawn = execFileSync("node", [join(root, "server.mjs")], { encoding: "utf8" }).trim();

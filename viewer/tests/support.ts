@@ -265,6 +265,8 @@ export interface View {
   height: number;
   toWorld: number[][];
   focal: number;
+  /** Not limited by the file's near and far, as `render` sees with cameras of its own. */
+  seesAll?: boolean;
 }
 
 /** Cameras of a NeRF-synthetic file, as `render --size SIZExSIZE` sees them. */
@@ -285,7 +287,7 @@ export function turntable(bounds: { min: number[]; max: number[] }, count: numbe
     const right = [-Math.sin(around), Math.cos(around), 0];
     const above = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
     const row = (axis: number) => [right[axis], above[axis], back[axis], middle[axis] + (radius / Math.sin(half)) * back[axis]];
-    return { width: size, height: size, toWorld: [row(0), row(1), row(2), [0, 0, 0, 1]], focal: (0.5 * size) / Math.tan(half) };
+    return { width: size, height: size, toWorld: [row(0), row(1), row(2), [0, 0, 0, 1]], focal: (0.5 * size) / Math.tan(half), seesAll: true };
   });
 }
 

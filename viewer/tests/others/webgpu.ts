@@ -1,6 +1,9 @@
 /** A page of somebody who draws fields with both renderers of three.js: what scenes are made of, for the tests to put together. */
 
 import * as THREE from "three";
+import { EffectComposer } from "three/addons/postprocessing/EffectComposer.js";
+import { OutputPass } from "three/addons/postprocessing/OutputPass.js";
+import { RenderPass } from "three/addons/postprocessing/RenderPass.js";
 import { ClippingGroup, NodeMaterial, QuadMesh, RenderPipeline, TSL, WebGPURenderer } from "three/webgpu";
 import { RadianceField } from "../../src/webgpu.js";
 
@@ -125,7 +128,7 @@ function sceneOf(address: string): { scene: THREE.Scene; field: RadianceField } 
   return { scene: new THREE.Scene().add(field) as THREE.Scene, field };
 }
 
-const gpu = { ClippingGroup, THREE, TSL, RenderPipeline, RadianceField, SIZE, rendererOf, cameraAt, fieldsIn, targetOf, load, read, depths, shown, picture, sceneOf };
+const gpu = { ClippingGroup, EffectComposer, OutputPass, RenderPass, THREE, TSL, RenderPipeline, RadianceField, SIZE, rendererOf, cameraAt, fieldsIn, targetOf, load, read, depths, shown, picture, sceneOf };
 declare global {
   interface Window {
     gpu: typeof gpu;
