@@ -3,7 +3,8 @@
     python3 benches/models.py target/release/mipvog-bake [FOLDER]
 
 Needs numpy. The files are made up in FOLDER, or a temporary one: Plenoxels of 512^3 links with 20
-million voxels, and TensoRF of 300^3 nodes, 1.5 million of them visible, with a network a sample.
+million voxels, TensoRF of 300^3 nodes, 1.5 million of them visible, with a network a sample, and
+SVRaster with 8 million voxels of 1024^3.
 The floor is the time that numpy needs to read the same file.
 """
 
@@ -95,6 +96,54 @@ def tensorf(path, side=300, density=16, color=48):
     })
 
 
+def interleaved(x):
+    """The bits of 16-bit numbers, three apart."""
+    found = np.zeros(x.shape, np.int64)
+    for bit in range(16):
+        found |= ((x >> bit) & 1).astype(np.int64) << (3 * bit)
+    return found
+
+
+def svraster(path, side=1024, voxels=8_000_000):
+    """A bumpy ball's shell of voxels of one size, in the order of a training: none."""
+    half, radius = side / 2, 0.31 * side
+    thick = voxels / (8 * np.pi * radius**2)
+
+    def away(at):
+        x, y, z = np.moveaxis(at - half, -1, 0)
+        bumps = 0.01 * side * np.sin(x / 37) * np.sin(y / 41) * np.sin(z / 29)
+        return radius - np.sqrt(x * x + y * y + z * z) - bumps
+
+    cells = []
+    for x in range(side):
+        y, z = np.mgrid[0:side, 0:side].astype(np.float32) + 0.5
+        plane = np.abs(away(np.stack([np.full_like(y, x + 0.5), y, z], -1))) < thick
+        cells.append(np.stack([np.full(plane.sum(), x), *np.nonzero(plane)], -1).astype(np.int32))
+    cells = np.concatenate(cells)[SEED.permutation(sum(map(len, cells)))]
+    steps = np.int64([(side + 1) ** 2, side + 1, 1])
+    eight = [np.int64([x, y, z]) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    corners = np.unique(np.concatenate([(cells + corner) @ steps for corner in eight]))
+    corners = np.stack([corners // steps[0], corners // steps[1] % steps[1], corners % steps[1]], -1)
+    # Opaque a few voxels below the surface, with the noise that training leaves.
+    raw = np.clip(1.2 * away(corners.astype(np.float32)) - 1, -10, 4)
+    raw += SEED.normal(0, 0.1, len(raw))
+    level = int(np.log2(side))
+    x, y, z = (interleaved(cells[:, axis]) for axis in range(3))
+    shs = np.empty((len(cells), 15, 3), np.float32)
+    for part in np.array_split(np.arange(len(cells)), 40):
+        shs[part] = SEED.normal(0, 0.05, (len(part), 15, 3))
+    torch_files.OUT = str(path.parent)
+    arrays = {
+        "scene_center": np.zeros(3, np.float32), "inside_extent": np.float32(2),
+        "scene_extent": np.float32(2), "octpath": ((x << 2 | y << 1 | z) << 3 * (16 - level))[:, None],
+        "octlevel": np.full((len(cells), 1), level, np.int8), "_shs": shs,
+        "_geo_grid_pts": raw.astype(np.float32)[:, None],
+        "_sh0": np.sin(12 * cells / side).astype(np.float32),
+    }
+    tensors = {name: torch_files.Tensor(array) for name, array in arrays.items()}
+    torch_files.save(path.name, {"active_sh_degree": 3, "quantized": False} | tensors)
+
+
 def read(path):
     """Seconds until the arrays of a file are in memory."""
     start = time.perf_counter()
@@ -137,6 +186,7 @@ def main():
         for name, make, options in [
             ("plenoxels.npz", plenoxels, ["--memory", "2G"]),
             ("tensorf.th", tensorf, ["--view", "sh:2"]),
+            ("svraster.pt", svraster, []),
         ]:
             path = folder / name
             if not path.exists():

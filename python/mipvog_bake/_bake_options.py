@@ -57,7 +57,7 @@ class BakeOptions(TypedDict, total=False):
 
     color_threshold: Optional[float]
     """Skip the colour of samples whose weight is at most this, 0 to 1 [default: likewise; else
-    0.0001]"""
+    0.0001, or 0 for models without a network]"""
 
     deny_warnings: Optional[bool]
     """Exit with 1 if there is a warning; bake and export then write nothing."""
@@ -156,7 +156,7 @@ class BakeOptions(TypedDict, total=False):
 
     merge: Optional[PathNames]
     """Add the scene of this file, at its place in the world; may be given several times. The grid
-    of INPUT goes on as far as the other scenes reach."""
+    of INPUT is extended to hold the other scenes."""
 
     min_weight: Optional[Words]
     """Drop voxels that add less than this to every pixel of --cameras, above 0 to 1; other
@@ -212,8 +212,8 @@ class BakeOptions(TypedDict, total=False):
     """Number of threads, 0 to 256; 0 means one per processor."""
 
     thumbnail: Optional[int]
-    """Put a square picture of the scene into the container, so many pixels wide, for file managers
-    and asset libraries; inspect --thumbnail takes it out."""
+    """Put a square picture of the scene into the container, this many pixels wide, for file
+    managers and asset libraries; inspect --thumbnail extracts it."""
 
     turntable: Optional[int]
     """N cameras on a circle around the box; instead of a camera file."""

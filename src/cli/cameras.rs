@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use clap::Args;
 
 use super::common::Common;
-use super::guess::camera_path;
+use super::folders::camera_path;
 use super::outcome::{assumed, warn};
 use super::progress::Bar;
 use crate::base::error::{Error, Place, Result};

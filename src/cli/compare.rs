@@ -11,10 +11,10 @@ use super::common::Common;
 use super::compare_page::ComparePage;
 use super::detail::{check_levels, parse_levels, warn_of_figures};
 use super::field::FieldArguments;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::layout::{Table, columns, folded};
 use super::outcome::{Outcome, counted, warn};
-use super::output::refuse_stdout;
+use super::output::{refuse_file_name, refuse_stdout};
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::settings::Settings;
@@ -32,9 +32,6 @@ use crate::view::render::{LevelChoice, Renderer};
 /// The columns of the table.
 const FIGURES: &str = "PSNR: mean of the frames; pooled: of the error over all their pixels; largest \
                        and 99 %: error of a channel, 0 to 1; diffuse, opacity: PSNR of these alone";
-
-/// Extensions that nobody gives a folder.
-const PICTURES: [&str; 5] = ["exr", "jpeg", "jpg", "png", "webp"];
 
 /// Measure the error of a field at every scale
 ///
@@ -54,8 +51,8 @@ pub struct Arguments {
     /// The field to measure: a container, a glTF asset or a trained input
     #[arg(value_parser = input_path())]
     field: PathBuf,
-    /// Folder for heat maps of the error: black is no error, white 0.25 or more; or a page.html
-    /// that shows reference, field and error side by side
+    /// Folder for heat maps of the error, or a page NAME.html that shows reference, field and error
+    /// side by side. Black is no error, white 0.25 or more
     #[arg(short, long, value_name = "DIR|PAGE.html")]
     output: Option<PathBuf>,
     /// Render both at the same size at each scale and compare those
@@ -121,11 +118,8 @@ pub(super) struct CompareReport {
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if let Some(folder) = &arguments.output {
         refuse_stdout(folder, "heat maps go into a folder, or a page into a file")?;
-        let extension = folder.extension().and_then(|extension| extension.to_str());
-        let is_picture = extension.is_some_and(|own| PICTURES.contains(&&*own.to_lowercase()));
-        if is_picture && !folder.is_dir() {
-            let message = format!("-o {}: found the name of a picture", folder.display());
-            return Err(Error::usage(message).advise("name a folder for heat maps, or a page.html"));
+        if arguments.page().is_none() {
+            refuse_file_name(folder, "name a folder for heat maps, or a page.html")?;
         }
     }
     let bar = Bar::new(common);

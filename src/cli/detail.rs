@@ -61,7 +61,7 @@ pub fn warn_of_figures(
     {
         let [width, height] = [camera.lens.width, camera.lens.height];
         let mut message = format!(
-            "pictures of {width} x {height} read level {level:.2} on average: row 1/1 includes the \
+            "pictures of {width} x {height} read level {level:.2} on average: 1/1 includes the \
              error of coarser levels, not only that of the bake; pass --size {} or more",
             large_enough([width, height], level)
         );

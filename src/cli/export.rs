@@ -11,7 +11,7 @@ use super::common::Common;
 use super::export_report::ExportReport;
 use super::export_source::FieldRequest;
 use super::field::FieldArguments;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::outcome::{Outcome, denied};
 use super::output::refuse_stdout;
 use super::progress::Bar;
@@ -51,7 +51,8 @@ pub struct Arguments {
     /// Format [default: by the extension of the output]
     #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(format_names()))]
     to: Option<String>,
-    /// File to write; other files of the export go beside it. For html and snerg, also a folder
+    /// File or folder to write. Other files of an export go beside the file; html and snerg also
+    /// take a folder
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Level to export; 0 is the finest

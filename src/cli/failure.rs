@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::guess;
+use super::folders;
 use super::interrupt;
 use super::outcome::{assumed, readable};
 use super::shell;
@@ -12,6 +12,7 @@ use super::stdin::named;
 use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, ErrorKind, Place};
 use crate::base::error_class::ErrorClass;
+use crate::base::file_kind::{no_download, start};
 use crate::base::limits::Limits;
 use mipvog_inputs::{UNPACKED, tensor};
 use mipvog_outputs::gltf::asset::{Asset, EXTENSION};
@@ -20,7 +21,7 @@ use mipvog_outputs::gltf::attach::companions;
 /// The place of the fault of a JSON text that is not a glTF asset.
 const NO_ASSET: &str = "/asset/version";
 /// The use of JSON texts of other kinds.
-const OTHER_JSON: &str = "a camera file belongs to --cameras, settings to scene.json";
+const OTHER_JSON: &str = "pass a camera file with --cameras; settings belong in scene.json";
 
 /// The place of the fault of an asset without fields.
 fn no_field() -> Place {
@@ -73,7 +74,7 @@ pub(super) fn remedy(error: &Error) -> Cow<'static, str> {
         }
         ErrorKind::Usage { .. } | ErrorKind::InvalidOption { .. } => "see --help".into(),
         ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::IsADirectory => {
-            error.file().map_or_else(|| error.remedy(), |folder| guess::of_folder(folder).into())
+            error.file().map_or_else(|| error.remedy(), |folder| folders::of_folder(folder).into())
         }
         ErrorKind::Exists => "pass --force to overwrite it".into(),
         ErrorKind::IsInput => {
@@ -142,11 +143,10 @@ fn next_command(path: &Path, found: &str) -> Option<String> {
             format!("if this is a trained scene, bake it first: {}", of("bake", "mipvog"))
         }
         _ if kind.contains("unpack it first") => format!("unpack {shown}, then name the result"),
-        _ if kind.contains("Git LFS") => {
-            format!("fetch the file that {shown} stands for: git lfs pull")
+        _ => {
+            let [_, remedy] = no_download(&start(&file).ok()?)?;
+            remedy.to_owned()
         }
-        _ if kind.contains("download the file again") => format!("download {shown} again"),
-        _ => return None,
     })
 }
 

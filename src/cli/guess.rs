@@ -4,7 +4,6 @@
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind as Mistake};
 
 use super::output::STANDARD_STREAM;
@@ -13,83 +12,28 @@ use crate::base::bytes::SourceFile;
 use crate::base::error::{Error, Result};
 use crate::container::is_container;
 use crate::formats::{OF_MESHES, is_mesh};
-use mipvog_inputs::tensor::extensions;
 use mipvog_outputs::gltf::asset::is_asset;
 
-/// The scene in a folder of DirectVoxGO's or Mip-VoG's training.
-const CHECKPOINT: &str = "fine_last.tar";
-/// Camera files of a scene's folder, the first one first.
-const CAMERAS: [&str; 6] = [
-    "transforms.json",
-    "transforms_test.json",
-    "images.bin",
-    "images.txt",
-    "sparse/0/images.bin",
-    "sparse/0/images.txt",
-];
-/// Extensions of files that verbs read, beside those of trained models.
-const OWN_INPUTS: [&str; 2] = ["glb", "mipvog"];
-/// Extensions of packed files, which are not unpacked here.
-const PACKED: [&str; 5] = ["bz2", "gz", "xz", "zip", "zst"];
 /// Messages of parsing numbers, and what they mean.
-const PARSING: [(&str, &str); 3] = [
+const PARSING: [(&str, &str); 4] = [
     ("invalid float literal", "expected a number"),
     ("invalid digit found in string", "expected a whole number, 0 or more"),
     ("cannot parse integer from empty string", "expected a whole number"),
+    ("invalid IP address syntax", "expected an IP address such as 127.0.0.1"),
 ];
-/// Maximum files of a folder in a message.
-const NAMED: usize = 3;
-
-/// The path of an input; for the folder of a training, its checkpoint.
-pub fn input_path() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().map(|path| {
-        let is_described = mipvog_inputs::file_of(&path) != path;
-        inner(path, &[CHECKPOINT], is_described)
-    })
-}
-
-/// The path of a camera file; for a scene's folder, the file in it.
-pub fn camera_path() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().map(|path| inner(path, &CAMERAS, false))
-}
-
-/// The first of these files in a folder; else the path itself.
-fn inner(path: PathBuf, names: &[&str], is_whole: bool) -> PathBuf {
-    if is_whole || !path.is_dir() {
-        return path;
-    }
-    let found = names.iter().map(|name| path.join(name)).find(|file| file.is_file());
-    found.unwrap_or(path)
-}
-
-/// The remedy for a folder in place of a file: it may hold files of a supported kind.
-pub fn of_folder(folder: &Path) -> String {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> =
-        entries.map(|entry| entry.path()).filter(|path| path.is_file()).collect();
-    files.sort_unstable();
-    let extension = |path: &PathBuf| Some(path.extension()?.to_str()?.to_owned());
-    let is_read = |path: &&PathBuf| {
-        let known = || OWN_INPUTS.into_iter().chain(extensions());
-        // Settings and cameras are JSON too.
-        extension(path).is_some_and(|own| own != "json" && known().any(|of| of == own))
-    };
-    let named = |files: Vec<&PathBuf>| {
-        let names = files.into_iter().take(NAMED).map(|path| path.display().to_string());
-        names.collect::<Vec<_>>().join(", ")
-    };
-    let found: Vec<&PathBuf> = files.iter().filter(is_read).collect();
-    let packed = |path: &&PathBuf| extension(path).is_some_and(|own| PACKED.contains(&&*own));
-    let packed: Vec<&PathBuf> = files.iter().filter(packed).collect();
-    match (found.is_empty(), packed.is_empty()) {
-        (false, _) => format!("pass a file in it: {}", named(found)),
-        (true, false) => format!("unpack the file in it, and pass it: {}", named(packed)),
-        (true, true) => {
-            "pass a file instead of a folder: a model, a container, or cameras such as transforms.json".to_owned()
-        }
-    }
-}
-
+/// Options of `bake` that it takes for containers, too, and `transcode` does not have.
+const OF_CONTAINERS: [&str; 10] = [
+    "bits",
+    "quality",
+    "preset",
+    "lod-rule",
+    "lod-scale",
+    "near",
+    "far",
+    "background",
+    "filter",
+    "alpha-threshold",
+];
 /// A mistake on the command line, with a better message than the parser's.
 pub struct Mistaken {
     /// The mistake.
@@ -140,8 +84,22 @@ pub fn mistaken(
         Mistake::MissingRequiredArgument => {
             let (at, verb) = verb_of(words, program)?;
             let missing = text(ContextKind::InvalidArg)?;
-            (verb.get_name() == "bake" && missing.starts_with("--output"))
-                .then(|| no_output(words.get(at + 1..).unwrap_or_default()))?
+            let rest = words.get(at + 1..).unwrap_or_default();
+            if rest.iter().all(|word| word.to_string_lossy().starts_with('-')) {
+                return None;
+            }
+            match (missing.starts_with("--output"), verb.get_name()) {
+                (false, _) => None,
+                (true, "bake") => no_output(rest),
+                (true, name) => {
+                    let output = ["-o", usual_output(name)?].map(OsString::from);
+                    let words = words.get(at..)?.iter().cloned().chain(output);
+                    Some(Mistaken {
+                        message: "there is no output: pass it after -o".to_owned(),
+                        help: shell::command(words),
+                    })
+                }
+            }
         }
         _ => None,
     }
@@ -156,7 +114,7 @@ pub fn words_of(error: &clap::Error) -> String {
         let is_hint = is_value && line.starts_with("For more information");
         !is_hint && !line.trim_start().starts_with("tip: to pass '")
     });
-    let mut words = kept.collect::<Vec<_>>().join("\n");
+    let mut words = kept.map(plain_range).collect::<Vec<_>>().join("\n");
     for (found, plain) in PARSING {
         words = words.replace(found, plain);
     }
@@ -164,6 +122,17 @@ pub fn words_of(error: &clap::Error) -> String {
         words = words.replace("\n\n\n", "\n\n");
     }
     words.trim_end().to_owned()
+}
+
+/// A line such as `...: 0 is not in 1..=1024`, with `expected 1 to 1024`.
+fn plain_range(line: &str) -> String {
+    let plain = || {
+        let (before, range) = line.rsplit_once(" is not in ")?;
+        let (from, to) = range.split_once("..=")?;
+        let (before, _) = before.rsplit_once(": ")?;
+        Some(format!("{before}: expected {from} to {to}"))
+    };
+    plain().unwrap_or_else(|| line.to_owned())
 }
 
 /// The verb of a command line, and its place.
@@ -215,6 +184,20 @@ fn verbs_with<'a>(name: &str, program: &'a clap::Command) -> Vec<&'a str> {
     program.get_subcommands().filter(has).map(clap::Command::get_name).collect()
 }
 
+/// A name for the output of a verb other than `bake`.
+fn usual_output(verb: &str) -> Option<&'static str> {
+    Some(match verb {
+        "attach" | "detach" => "out.glb",
+        "export" => "scene.html",
+        "probe" => "values.safetensors",
+        "render" => "pictures/",
+        "sweep" => "sweep/",
+        "transcode" => "out.mipvog",
+        "unpack" => "scene.safetensors",
+        _ => return None,
+    })
+}
+
 /// `mipvog-bake bake in.tar out.mipvog`, or without an output at all.
 fn no_output(words: &[OsString]) -> Option<Mistaken> {
     let is_path = |word: &&OsString| !word.to_string_lossy().starts_with('-');
@@ -237,12 +220,23 @@ fn no_output(words: &[OsString]) -> Option<Mistaken> {
     })
 }
 
+/// True for a word that is a value or a unit, not a path.
+fn is_bare(word: &str) -> bool {
+    !word.is_empty() && !word.contains(['.', '/', '\\']) && !Path::new(word).exists()
+}
+
 /// `mipvog-bake transcode in.mipvog out.mipvog`.
 fn a_second_path(word: &str, verb: &clap::Command, words: &[OsString]) -> Option<Mistaken> {
     let has_output = verb.get_arguments().any(|own| own.get_id() == "output");
     let name = verb.get_name();
     let is_named = name == "compare" || words.iter().any(|word| word == "-o" || word == "--output");
     has_output.then(|| match is_named {
+        true if is_bare(word) => Mistaken {
+            message: format!("unexpected argument '{word}'"),
+            help: "separate the values of an option with commas, such as --scales 1,2, and write \
+                   units without a space, such as 1.5MB"
+                .to_owned(),
+        },
         true => Mistaken {
             message: match name {
                 "compare" => {
@@ -266,13 +260,17 @@ fn an_option_of_others(
     (at, words): (usize, &[OsString]),
     program: &clap::Command,
 ) -> Option<Mistaken> {
+    let message = format!("{} has no option --{name}", verb.get_name());
+    let mut own = verb.get_arguments().filter_map(clap::Arg::get_long);
+    if let Some(longer) = own.find(|own| own.starts_with(name)) {
+        return Some(Mistaken { message, help: format!("--{longer} may be meant") });
+    }
     let others = verbs_with(name, program);
     if others.is_empty() {
         return None;
     }
-    let message = format!("{} has no option --{name}", verb.get_name());
     let help = match verb.get_name() {
-        "transcode" if others.contains(&"bake") => {
+        "transcode" if OF_CONTAINERS.contains(&name) => {
             let rest = words.iter().skip(at + 1).cloned();
             let command = shell::command(std::iter::once(OsString::from("bake")).chain(rest));
             format!("bake takes containers too: {command}")

@@ -217,6 +217,7 @@ fn with_names(verb: Command, named: &[(&str, &str, String)]) -> Command {
     let mut text = examples.trim_end().to_owned();
     for (heading, place, names) in named {
         let line = folded(&format!("  {names}"), WIDTH, 2);
+        let heading = heading.strip_suffix('s').unwrap_or(heading);
         text += &format!("\n\n{heading} options, which `{place}` explains:\n{line}");
     }
     verb.after_long_help(text.trim_start().to_owned())

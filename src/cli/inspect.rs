@@ -13,7 +13,7 @@ use super::common::Common;
 use super::container_report::{ContainerReport, container_text};
 use super::field::wrong_kind;
 use super::files::for_each_file;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::inputs::refuse_inputs;
 use super::layout::{Table, columns, folded};
 use super::outcome::{Outcome, assumed, counted, readable};
@@ -173,8 +173,12 @@ fn checkpoint_text(path: &Path, inspection: &Inspection, verbose: bool) -> Strin
     writeln!(text, "{}: {kind}, {bytes}", path.display()).ok();
     let bytes = [inspection.model_bytes, inspection.optimizer_bytes, inspection.other_bytes];
     if bytes.iter().any(|bytes| *bytes > 0) {
+        let total: u64 = bytes.iter().sum();
         let [model, optimizer, other] = bytes.map(readable);
-        writeln!(text, "  scene {model}, optimizer {optimizer} (never read), other {other}").ok();
+        // Entries of an archive are often compressed.
+        let inflated = if total > inspection.file_bytes { "uncompressed: " } else { "" };
+        let rest = format!("optimizer {optimizer} (never read), other {other}");
+        writeln!(text, "  {inflated}scene {model}, {rest}").ok();
     }
     if let Some(model) = &inspection.model {
         write!(text, "  {}", model.name()).ok();

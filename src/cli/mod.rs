@@ -24,6 +24,7 @@ mod field;
 mod file_names;
 mod files;
 mod fit;
+mod folders;
 mod gate;
 mod gltf;
 mod guess;

@@ -1,5 +1,6 @@
 //! Output files of the program.
 
+use std::ffi::OsStr;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -132,6 +133,38 @@ pub fn no_file_reason(path: &Path) -> Option<&'static str> {
         return Some("a name with a NUL character");
     }
     (name.ends_with(b"/") || path.file_name().is_none()).then_some("a folder")
+}
+
+/// Extensions that nobody gives a folder.
+const OF_FILES: [&str; 18] = [
+    "csv",
+    "exr",
+    "glb",
+    "gltf",
+    "html",
+    "jpeg",
+    "jpg",
+    "json",
+    "jsonl",
+    "mipvog",
+    "npz",
+    "ply",
+    "png",
+    "safetensors",
+    "tar",
+    "txt",
+    "vdb",
+    "webp",
+];
+
+/// Refuses the name of a file for a new folder that a verb writes.
+pub fn refuse_file_name(folder: &Path, remedy: &'static str) -> Result<()> {
+    let extension = folder.extension().and_then(OsStr::to_str).map(str::to_lowercase);
+    if folder.exists() || !extension.is_some_and(|own| OF_FILES.contains(&&*own)) {
+        return Ok(());
+    }
+    let message = format!("-o {}: found the name of a file, not of a folder", folder.display());
+    Err(Error::usage(message).advise(remedy))
 }
 
 /// Refuses the standard output if a verb writes a folder, or a file whose name others refer to.

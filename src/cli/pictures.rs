@@ -96,7 +96,7 @@ impl Pictures {
         if one && count != 1 {
             return refuse(format!(
                 "{count} pictures do not go into one: give a folder, or .gif, .webp or .mp4 for a \
-                 film, or pick one with --frames"
+                 film, or pick one with --frames and --scales"
             ));
         }
         if (exr || sheet) && !matches!(self.destination, Destination::Folder(_)) {

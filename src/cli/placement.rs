@@ -17,8 +17,8 @@ pub struct PlacementArguments {
         help_heading = "Place"
     )]
     up: Option<UpAxis>,
-    /// Rotate about the x axis, then y, then z, by multiples of 90 degrees: counterclockwise for a
-    /// viewer whom the axis points at
+    /// Rotate about the x axis, then y, then z, by multiples of 90 degrees: counterclockwise when
+    /// the axis points towards you
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_turns,
           help_heading = "Place")]
     rotate: Option<QuarterTurns>,

@@ -10,14 +10,14 @@ use serde::Serialize;
 
 use super::common::Common;
 use super::field::FieldArguments;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::outcome::{Outcome, counted, readable};
 use super::output::{STANDARD_STREAM, create as create_output, digest};
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::stdin;
 use crate::base::bytes::ByteSink;
-use crate::base::error::{Error, Place, Result};
+use crate::base::error::{Error, ErrorKind, Place, Result};
 use crate::base::limits::{self, Budget, Limits};
 use crate::base::parallel;
 use crate::base::progress::{Progress, Step};
@@ -122,7 +122,15 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let message = format!("--level-of-detail {level}: there are {levels} levels, 0 to {last}");
         return Err(Error::usage(message));
     }
-    let file = tensor::open(&stdin::resolve(&arguments.rays)?, &limits)?;
+    let file =
+        tensor::open(&stdin::resolve(&arguments.rays)?, &limits).map_err(|error| {
+            match error.kind() {
+                ErrorKind::WrongKind { .. } => error.advise(
+                    "--rays takes .safetensors or .npz with arrays origins and directions, n x 3",
+                ),
+                _ => error,
+            }
+        })?;
     let input = Input::read(&file, arguments.positions, &limits)
         .map_err(|error| error.in_file(&arguments.rays))?;
     let mut output = create_output(&arguments.output, arguments.force)?;
@@ -210,7 +218,10 @@ impl Input {
 fn points(file: &TensorFile, name: &str, budget: &mut Budget) -> Result<Points> {
     let place = || Place::Tensor(name.to_owned());
     let found = file.root.get(name).and_then(Value::tensor);
-    let tensor = found.ok_or_else(|| Error::malformed(place(), "no such tensor", "one"))?;
+    let tensor = found.ok_or_else(|| {
+        let error = Error::malformed(place(), "no such array", "float32 numbers, n x 3");
+        error.advise(format!("add an array {name} to the file of rays"))
+    })?;
     if !matches!(tensor.shape(), [_, 3]) {
         let found = format!("shape {:?}", tensor.shape());
         return Err(Error::malformed(place(), found, "[n, 3]"));
@@ -233,7 +244,12 @@ fn units(file: &TensorFile, name: &str, budget: &mut Budget) -> Result<Vec<[f64;
             true => Ok((direction / length).to_array()),
             false => {
                 let found = format!("a length of {length} in row {row}");
-                Err(Error::malformed(Place::Tensor(name.to_owned()), found, "unit directions"))
+                let error = Error::malformed(
+                    Place::Tensor(name.to_owned()),
+                    found,
+                    "directions of length 1",
+                );
+                Err(error.advise("normalize the directions"))
             }
         }
     });

@@ -132,6 +132,11 @@ fn refuse(error: &clap::Error, arguments: &[OsString]) -> u8 {
         error.print().ok();
         return 0;
     }
+    // The help of a command line without a verb.
+    if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        error.print().ok();
+        return Failure::of_arguments("").exit_code;
+    }
     let mistaken = guess::mistaken(error, arguments, &Cli::command());
     let failure = match &mistaken {
         Some(Mistaken { message, help }) => Failure::of_mistake(message, help),

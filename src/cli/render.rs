@@ -11,7 +11,7 @@ use super::common::Common;
 use super::destination::Destination;
 use super::detail::{check_levels, parse_levels};
 use super::field::FieldArguments;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::layout::{Table, columns, folded};
 use super::outcome::{Outcome, counted, readable};
 use super::output::digest;

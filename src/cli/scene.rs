@@ -30,7 +30,7 @@ pub struct SceneArguments {
     #[arg(long, value_name = "VOXELS")]
     pub stepsize: Option<f32>,
     /// Skip the colour of samples whose weight is at most this, 0 to 1 [default: likewise; else
-    /// 0.0001]
+    /// 0.0001, or 0 for models without a network]
     #[arg(long, value_name = "WEIGHT")]
     pub color_threshold: Option<f32>,
     /// Distance along the camera's axis at which rays start [default: likewise; else 0]

@@ -8,10 +8,10 @@ use clap::{ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use super::cameras::{CameraArguments, check_memory, checked_scales};
 use super::common::Common;
 use super::detail::warn_of_figures;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::layout::{Table, columns, folded};
 use super::outcome::{Outcome, assumed, counted, readable, warn};
-use super::output::refuse_stdout;
+use super::output::{refuse_file_name, refuse_stdout};
 use super::progress::Bar;
 use super::scene::SceneArguments;
 use super::shell;
@@ -19,15 +19,17 @@ use super::stored::argument;
 use super::sweep_command::bake_command;
 use super::values::by_name;
 use crate::bake::{BAKE_OPTIONS, Preset};
-use crate::base::bytes::remove_stale;
+use crate::base::bytes::{SourceFile, remove_stale};
 use crate::base::error::{Error, Result};
 use crate::base::progress::Step;
 use crate::base::shard::Shard;
+use crate::container::is_container;
 use crate::sweep::{
     Grid, List, SettingReport, Share, SweepForecast, SweepOptions, SweepReport, forecast_sweep,
     sweep,
 };
 use mipvog_inputs::tensor;
+use mipvog_outputs::gltf::asset::is_asset;
 
 /// Bake with many settings and plot the best ones
 ///
@@ -121,6 +123,7 @@ impl FromArgMatches for Lists {
 /// Sweeps.
 pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     refuse_stdout(&arguments.output, "sweep writes a folder")?;
+    refuse_file_name(&arguments.output, "name a folder, such as -o sweep/")?;
     let bar = Bar::new(common);
     bar.plan(vec![(Step::Sweep, 1.0)]);
     let grid = Grid { lists: arguments.lists.0.clone(), presets: arguments.preset.clone() };
@@ -129,7 +132,13 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let limits = common.limits();
     let cameras = arguments.cameras.file();
     let found = arguments.scene.settings(&arguments.input, cameras.as_ref(), &limits)?;
-    let file = tensor::open(&mipvog_inputs::file_of(&arguments.input), &limits)?;
+    let path = mipvog_inputs::file_of(&arguments.input);
+    let content = SourceFile::open(&path)?;
+    if is_container(&content) || is_asset(&content) {
+        let error = Error::wrong_kind("a baked field", "a trained model").in_file(&path);
+        return Err(error.advise("a sweep bakes a model again and again: pass its checkpoint"));
+    }
+    let file = tensor::open(&path, &limits)?;
     if file.unpacked_metadata().is_some() {
         let message = "an unpacked container holds what one setting kept; a sweep needs the \
                        trained input it came from";

@@ -17,8 +17,8 @@ use crate::view::render::Renderer;
 /// A thumbnail of the output.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct ThumbnailArguments {
-    /// Put a square picture of the scene into the container, so many pixels wide, for file managers
-    /// and asset libraries; inspect --thumbnail takes it out
+    /// Put a square picture of the scene into the container, this many pixels wide, for file
+    /// managers and asset libraries; inspect --thumbnail extracts it
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u16).range(16..=1024))]
     thumbnail: Option<u16>,
 }

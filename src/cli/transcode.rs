@@ -8,7 +8,7 @@ use clap::Args;
 use super::bake::{Baked, Work};
 use super::common::Common;
 use super::field::{FieldArguments, wrong_kind};
-use super::outcome::Outcome;
+use super::outcome::{Outcome, warn};
 use super::output::{create_container, digest};
 use super::placement::PlacementArguments;
 use super::progress::Bar;
@@ -112,8 +112,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let mut report = report.map_err(|error| error.in_file(&arguments.file))?;
     let thumbnail = arguments.thumbnail;
     output = thumbnail.add(output, &arguments.output, arguments.force, &limits, &bar)?;
-    report.output_bytes = ByteSink::length(&output);
+    report.set_output_bytes(ByteSink::length(&output));
     drop(bar);
+    if report.levels.iter().all(|level| level.blocks_stored == 0) {
+        warn("nothing is left of the scene: the container is empty", common);
+    }
     let sha256 = Some(digest(output.written())?);
     output.finish()?;
     let inputs = vec![arguments.file.clone()];
@@ -127,11 +130,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         gate: None,
         inputs,
         unmeasured: None,
+        input_bytes: container.file().length(),
     };
     let work = Work {
         input: &arguments.file,
         output: &arguments.output,
-        input_bytes: container.file().length(),
         seconds: clock.elapsed().as_secs_f64(),
         bytes_read: container.file().bytes_read(),
         sha256,

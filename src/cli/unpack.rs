@@ -33,9 +33,9 @@ pub struct Arguments {
     /// Levels to unpack; 0 is the finest [default: all]
     #[arg(long, value_name = "K,...", value_delimiter = ',')]
     levels: Vec<usize>,
-    /// Format of slices in a folder
-    #[arg(long, value_enum, default_value_t = Slices::Exr)]
-    slices: Slices,
+    /// Format of slices in a folder [default: exr]
+    #[arg(long, value_enum)]
+    slices: Option<Slices>,
     #[command(flatten)]
     which: FieldArguments,
     /// Overwrite existing files
@@ -85,8 +85,8 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let shown = output.to_string_lossy().into_owned();
     if is_folder(output) {
         let format = match arguments.slices {
-            Slices::Exr => SliceFormat::Exr,
-            Slices::Png => SliceFormat::Png,
+            None | Some(Slices::Exr) => SliceFormat::Exr,
+            Some(Slices::Png) => SliceFormat::Png,
         };
         remove_stale(output);
         write_slices(&container, levels, format, output, arguments.force).map_err(in_file)?;
@@ -94,6 +94,11 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         let report = UnpackReport { input, output: shown, output_bytes, sha256, levels: count };
         let text = format!("{}: slices of {}\n", output.display(), counted(count, "level"));
         return Outcome::new("unpack", &report, text);
+    }
+    if arguments.slices.is_some() {
+        let message =
+            "--slices needs a folder as --output: an existing one, or a name that ends in /";
+        return Err(Error::usage(message));
     }
     let format = format_of(output)?;
     let mut tensors = create_output(output, arguments.force)?;

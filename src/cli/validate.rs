@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::common::{Common, Format};
 use super::failure::message;
 use super::files::for_each_file;
-use super::guess::input_path;
+use super::folders::input_path;
 use super::layout::{columns, folded, grouped};
 use super::outcome::{Outcome, assumed, counted};
 use super::scene::SceneArguments;

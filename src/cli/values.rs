@@ -92,7 +92,8 @@ pub fn parse_limit(text: &str) -> std::result::Result<(LimitName, u64), String> 
     let names: Vec<_> = LimitName::ALL.iter().map(|limit| limit.name()).collect();
     let known = LimitName::ALL.iter().copied().find(|limit| limit.name() == name);
     let limit = known.ok_or_else(|| format!("expected one of {}", names.join(", ")))?;
-    let count = count.parse().map_err(|_| "expected a whole number after =")?;
+    let count =
+        count.parse().map_err(|_| "expected a whole number after =, of bytes for memory")?;
     Ok((limit, count))
 }
 

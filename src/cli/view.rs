@@ -32,7 +32,7 @@ Ctrl-C ends it.")]
 pub struct Arguments {
     /// A container, or a binary glTF asset with one; - means standard input
     file: PathBuf,
-    /// Port to listen on; 0 picks a free one
+    /// Port to listen on, 0 for any free one
     #[arg(long, value_name = "PORT", default_value_t = 0)]
     port: u16,
     /// Address to listen on. With 0.0.0.0 (all addresses of this machine), everyone on the network

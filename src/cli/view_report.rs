@@ -143,6 +143,7 @@ impl ViewReport {
         });
         let clamped = self
             .clamped_share
+            .filter(|share| *share >= 5e-5)
             .map(|share| format!("  {:.2} % of the visible colour is clamped at 0", 100.0 * share));
         fitted.into_iter().chain(clamped).collect()
     }

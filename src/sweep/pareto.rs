@@ -39,13 +39,16 @@ const ROUNDING: f64 = 58.9;
 
 /// The knee of a front, from its points: the one that is farthest above the line between the
 /// cheapest and the best, in decibels over the logarithm of the cost. Errors below the rounding of
-/// pictures do not count. Of two points, the better one is the knee.
+/// pictures do not count. Two points have none if the dearer one is better.
 pub fn knee(points: &[Point]) -> Option<usize> {
     let quality = |point: &Point| point.quality.min(ROUNDING);
     let cheapest = points.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     let order =
         |a: &&Point, b: &&Point| quality(a).total_cmp(&quality(b)).then(b.cost.total_cmp(&a.cost));
     let best = points.iter().max_by(order)?;
+    if points.len() == 2 && best.cost > cheapest.cost {
+        return None;
+    }
     let span = libm::log2(best.cost / cheapest.cost);
     let height = |point: &Point| match span > 0.0 {
         true => {
@@ -72,7 +75,7 @@ mod tests {
             knee(&points.collect::<Vec<_>>())
         };
         assert_eq!(points(&[(1.0, 30.0), (2.0, 45.0), (4.0, 47.0), (8.0, 48.0)]), Some(1));
-        assert_eq!(points(&[(8.0, 48.0), (1.0, 30.0)]), Some(0));
+        assert_eq!(points(&[(8.0, 48.0), (1.0, 30.0)]), None);
         // Quality beyond 8-bit pictures has no value.
         assert_eq!(points(&[(0.43, 46.9), (0.65, 59.2), (0.95, 71.3)]), Some(1));
         assert_eq!(points(&[(0.65, 59.2), (0.95, 71.3)]), Some(0));

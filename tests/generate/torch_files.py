@@ -16,7 +16,7 @@ def publish(module, name, thing):
     return thing
 
 
-for name in ["Float", "Double", "Half", "BFloat16", "Bool", "Long"]:
+for name in ["Float", "Double", "Half", "BFloat16", "Bool", "Long", "Char"]:
     publish(torch, name + "Storage", type(name + "Storage", (), {}))
 publish(torch, "UntypedStorage", type("UntypedStorage", (), {}))
 rebuild2 = publish(torch._utils, "_rebuild_tensor_v2", lambda *a: a)
@@ -34,7 +34,7 @@ class ElementType:
 
 
 float32 = ElementType("float32")
-STORAGES = {"f4": "Float", "f8": "Double", "f2": "Half", "b1": "Bool", "i8": "Long", "bf": "BFloat16"}
+STORAGES = {"f4": "Float", "f8": "Double", "f2": "Half", "b1": "Bool", "i8": "Long", "i1": "Char", "bf": "BFloat16"}
 
 
 class Storage:

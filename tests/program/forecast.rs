@@ -123,7 +123,7 @@ fn unknown_numbers_are_null() {
     text.args(["bake", "--dry-run", "--stepsize", "0.5", "--max-error", "0.02", "-o", "x"]);
     let output = text.arg(fixture("trained/lego64/fine_last.tar")).output().expect("starts");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(text.contains("least --memory") && text.contains("   -"), "{text}");
+    assert!(text.contains("smallest --memory") && text.contains("   -"), "{text}");
     let refused = bake(folder.path(), &["--dry-run", "--max-bytes", "1MB"]);
     assert_eq!(refused.status.code(), Some(2));
 }

@@ -26,6 +26,7 @@ mod gltf;
 mod guesses;
 mod incremental;
 mod manifest;
+mod manifest_faults;
 #[cfg(unix)]
 mod manual;
 mod merge;

@@ -149,5 +149,10 @@ fn thumbnails_are_put_in_and_taken_out() {
     refused(here, &["inspect", "b.mipvog", "--thumbnail", "t.png"], 7, "t.png");
     refused(here, &["inspect", "b.mipvog", "--thumbnail", "b.mipvog", "--force"], 7, "b.mipvog");
     refused(here, &["inspect", "in.tar", "--thumbnail", "x.png"], 3, "in.tar");
-    refused(here, &["bake", "in.tar", "--thumbnail", "8", "-o", "x.mipvog"], 2, "16..=1024");
+    refused(
+        here,
+        &["bake", "in.tar", "--thumbnail", "8", "-o", "x.mipvog"],
+        2,
+        "expected 16 to 1024",
+    );
 }

@@ -125,3 +125,109 @@ fn files_beside_a_checkpoint_count_for_inspect_and_validate() {
     let noted = words(&ends(here, &["inspect", "in.tar"], 0, &[]).stdout);
     assert!(!noted.contains("step length") && noted.contains("scene.toml has stepsize"), "{noted}");
 }
+
+#[test]
+fn hints_of_names_and_values_lead_on() {
+    let folder = workplace();
+    let here = folder.path();
+    std::fs::create_dir_all(here.join("scenes/one")).expect("made");
+    std::fs::copy(here.join("in.tar"), here.join("scenes/one/fine_last.tar")).expect("copied");
+    std::fs::create_dir(here.join("photos")).expect("made");
+    std::fs::write(here.join("photos/a.png"), "").expect("written");
+    std::fs::create_dir(here.join("packed")).expect("made");
+    std::fs::write(here.join("packed/fine_last.tar.zst"), "").expect("written");
+    std::fs::write(here.join("packed/truth.npz"), "").expect("written");
+    std::fs::write(here.join("page.html"), "<!doctype html><p>A page.").expect("written");
+    std::fs::write(here.join("cameras.json"), "{\"frames\": []}").expect("written");
+    std::fs::write(here.join("cut.npz"), b"PK\x03\x04cut short").expect("written");
+    let sweep = ["sweep", "in.tar", "-o", "s"];
+    let cases: [(&[&str], i32, &[&str]); 18] = [
+        (&["compare", "in.tar", "a.mipvog", "--scale", "1,2"], 2, &["--scales may be meant"]),
+        (&["transcode", "a.mipvog", "-o", "b.mipvog", "--stepsize", "1"], 2, &["option of bake"]),
+        (
+            &["transcode", "a.mipvog", "-o", "b.mipvog", "--near", "1"],
+            2,
+            &["bake takes containers too: ", "mipvog-bake bake a.mipvog -o b.mipvog --near 1"],
+        ),
+        (&[&sweep[..], &["--filter", "rate-tent", "code"]].concat(), 2, &["with commas"]),
+        (&["sweep", "a.mipvog", "-o", "s"], 3, &["a baked field", "pass its checkpoint"]),
+        (&["sweep", "in.tar", "-o", "s.csv"], 2, &["name a folder, such as -o sweep/"]),
+        (&["compare", "in.tar", "a.mipvog", "-o", "e.csv"], 2, &["for heat maps, or a page.html"]),
+        (
+            &["probe", "a.mipvog", "--rays", "cameras.json", "-o", "v.safetensors"],
+            3,
+            &["origins and"],
+        ),
+        (&["view", "a.mipvog", "--host", "localhost"], 2, &["an IP address such as 127.0.0.1"]),
+        (&["bake", "in.tar", "-o", "b.mipvog", "--thumbnail", "2000"], 2, &["expected 16 to 1024"]),
+        (&["bake", "scenes", "-o", "b.mipvog"], 5, &["pass the scenes in it: scenes/*/fine_last"]),
+        (&["bake", "packed", "-o", "b.mipvog"], 5, &["truth.npz; or unpack packed/fine_last.tar"]),
+        (&["unpack", "packed", "-o", "b.npz"], 5, &["unpack the file in it"]),
+        (&["compare", "a.mipvog", "photos"], 5, &["pictures are a reference, which comes before"]),
+        (
+            &["bake", "page.html", "-o", "b.mipvog"],
+            4,
+            &["found a web page", "open it in a browser"],
+        ),
+        (&["inspect", "cut.npz"], 3, &["without a directory at its end", "copy it again"]),
+        (&["render", "a.mipvog"], 2, &["mipvog-bake render a.mipvog -o pictures/"]),
+        (&["unpack", "a.mipvog", "-o", "x.npz", "--slices", "png"], 2, &["needs a folder"]),
+    ];
+    for (line, code, says) in cases {
+        ends(here, line, code, says);
+    }
+    let output = ends(here, &[], 2, &["Usage: mipvog-bake"]);
+    assert!(!words(&output.stderr).contains("error:"));
+    ends(
+        here,
+        &["transcode", "a.mipvog", "-o", "none.mipvog", "--drop-islands", "100000000"],
+        0,
+        &["nothing is left of the scene"],
+    );
+}
+
+#[test]
+fn reports_count_what_they_name() {
+    let folder = workplace();
+    let here = folder.path();
+    let json = |line: &[&str]| -> serde_json::Value {
+        let output = ends(here, &[line, &["--format", "json"]].concat(), 0, &[]);
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    // A thumbnail lies before the levels, and is part of what is read before them.
+    let baked = json(&["bake", "in.tar", "-o", "t.mipvog", "--thumbnail", "256"]);
+    let inspected = json(&["inspect", "t.mipvog"]);
+    let prefixes = |report: &serde_json::Value| -> Vec<u64> {
+        let levels = report["levels"].as_array().expect("levels");
+        levels.iter().map(|level| level["prefix_bytes"].as_u64().expect("bytes")).collect()
+    };
+    assert_eq!(prefixes(&baked), prefixes(&inspected));
+    assert_eq!(prefixes(&baked)[0], baked["output_bytes"].as_u64().expect("bytes"));
+    // A folder's pictures are the scene.
+    let model = fixture("worlds/merf_whole");
+    let bytes: u64 = std::fs::read_dir(&model)
+        .expect("a folder")
+        .map(|entry| entry.expect("a file").metadata().expect("bytes").len())
+        .sum();
+    let model = model.to_string_lossy();
+    let line = ["bake", &*model, "-o", "m.mipvog", "--drop-background"];
+    assert_eq!(json(&line)["input_bytes"], bytes);
+    assert_eq!(json(&["inspect", &*model])["file_bytes"], bytes);
+    // Diffuse colour is told apart where a network adds to it, and nowhere else.
+    let compare = |reference: &str, field: &str| {
+        json(&["compare", reference, field, "--turntable", "2", "--size", "16x16"])["scales"][0]
+            ["psnr_diffuse"]
+            .clone()
+    };
+    assert!(compare("in.tar", "a.mipvog").is_number());
+    let harmonics = fixture("baked/harmonics.mipvog");
+    let harmonics = harmonics.to_string_lossy();
+    assert!(compare(&harmonics, &harmonics).is_null());
+    assert!(compare(&model, "m.mipvog").is_null());
+    // Of a world, the voxels of the innermost box are counted.
+    let world = fixture("worlds/dvgo_unbounded.tar");
+    let world = world.to_string_lossy();
+    let line = ["bake", &*world, "-o", "w.mipvog", "--resolution", "9", "--extent", "4"];
+    let told = words(&ends(here, &line, 0, &[]).stdout);
+    assert!(told.contains(" voxels of the innermost box kept"), "{told}");
+}

@@ -6,7 +6,7 @@ import { page, say } from "./panel.js";
 
 /** Each way to move, and the one after it. */
 const WAYS: [Way | null, string][] = [
-  [null, "Turn"],
+  [null, "Orbit"],
   ["fly", "Fly"],
   ["walk", "Walk"],
 ];
@@ -15,7 +15,7 @@ const KEYS: Record<string, string> = { r: "reset", t: "rotate", v: "way", m: "me
 
 const button = (tool: string) => document.querySelector<HTMLButtonElement>(`[data-tool="${tool}"]`)!;
 
-/** Turns by itself, or does not. */
+/** Starts or stops auto-rotation. */
 export function setRotation(stage: Stage, isOn: boolean): void {
   stage.controls.autoRotate = isOn;
   button("rotate").ariaPressed = String(isOn);
@@ -49,6 +49,7 @@ export function bindTools(stage: Stage, name: () => string, measure: () => boole
   for (const [tool, use] of Object.entries(tools)) button(tool).addEventListener("click", use);
   for (const one of document.querySelectorAll<HTMLButtonElement>("[data-tool]")) one.ariaLabel = one.title;
   button("full").hidden = !document.fullscreenEnabled;
+  bindArrows(button("reset").parentElement!);
   void navigator.xr?.isSessionSupported("immersive-vr").then((has) => (button("headset").hidden = !has), () => {});
   page.embed.addEventListener("click", () => void copyFrame(name()));
   // Keys are for the picture, also before anybody has clicked it.
@@ -62,6 +63,22 @@ export function bindTools(stage: Stage, name: () => string, measure: () => boole
     else if (key in KEYS && !page.main.classList.contains("empty")) button(KEYS[key]).click();
     else return;
     event.preventDefault();
+  });
+}
+
+/** Makes a tool bar one stop of the Tab key; the arrow keys, Home and End go from tool to tool. */
+function bindArrows(bar: HTMLElement): void {
+  const all = [...bar.querySelectorAll<HTMLButtonElement>("[data-tool]")];
+  const stop = (at: HTMLButtonElement) => all.forEach((one) => (one.tabIndex = one === at ? 0 : -1));
+  stop(all[0]);
+  bar.addEventListener("focusin", (event) => stop(event.target as HTMLButtonElement));
+  bar.addEventListener("keydown", (event) => {
+    const shown = all.filter((one) => !one.hidden);
+    const now = shown.indexOf(event.target as HTMLButtonElement);
+    const next = { ArrowRight: now + 1, ArrowDown: now + 1, ArrowLeft: now - 1, ArrowUp: now - 1, Home: 0, End: -1 }[event.key];
+    if (next === undefined) return;
+    event.preventDefault();
+    shown.at(next % shown.length)!.focus();
   });
 }
 

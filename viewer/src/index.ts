@@ -6,4 +6,4 @@ export type { Metadata } from "./format/metadata.js";
 export type { Statistics } from "./render/measures.js";
 export { RadianceFieldExtension } from "./three/gltf.js";
 export type { Source, Transfer } from "./load/source.js";
-export type { Budget, FieldOptions } from "./streamed.js";
+export type { Budget, FieldOptions } from "./fieldOptions.js";

@@ -76,6 +76,26 @@ test("the file has its own name, and a link leads to the same view", async () =>
   await page.close();
 });
 
+test("the tool bar is one stop of the Tab key, and arrows go from tool to tool", async () => {
+  const { page, problems } = await open();
+  const focused = () => page.evaluate(() => (document.activeElement as HTMLElement).dataset.tool);
+  assert.equal(await page.locator('#tools button[tabindex="0"]').count(), 1);
+  await page.locator('[data-tool="reset"]').focus();
+  const before = await view(page);
+  await page.keyboard.press("ArrowRight");
+  assert.equal(await focused(), "rotate");
+  await page.keyboard.press("ArrowLeft");
+  await page.keyboard.press("ArrowLeft");
+  assert.equal(await focused(), "help");
+  await page.keyboard.press("Home");
+  assert.equal(await focused(), "reset");
+  // They do not move the camera.
+  assert.deepEqual(await view(page), before);
+  assert.equal(await page.locator('#tools button[tabindex="0"]').count(), 1);
+  assert.deepEqual(problems, []);
+  await page.close();
+});
+
 night("a link to another view of the page goes there, and the controls say what it is", async () => {
   const { page, problems } = await open();
   await page.keyboard.press("v");
@@ -83,7 +103,7 @@ night("a link to another view of the page goes there, and the controls say what 
   await page.evaluate(() => (location.hash = "#view=1,2,3,0,0.5,0,70"));
   await page.waitForFunction(() => window.__mipvog.stage.fov === 70);
   assert.deepEqual(await view(page), [1, 2, 3, 0, 0.5, 0]);
-  assert.equal(await page.locator("#way").textContent(), "Turn");
+  assert.equal(await page.locator("#way").textContent(), "Orbit");
   assert.equal(await page.locator("#fov").inputValue(), "70");
   assert.deepEqual(problems, []);
   await page.close();
@@ -141,7 +161,7 @@ night("it turns by itself, flies and walks", async () => {
     assert.equal(Math.abs(after[1] - before[1]) < 1e-6, way === "Walk", `${way}: ${before} to ${after}`);
   }
   await page.keyboard.press("v");
-  assert.equal(await page.locator("#way").textContent(), "Turn");
+  assert.equal(await page.locator("#way").textContent(), "Orbit");
   await page.keyboard.press("r");
   assert.ok(distance(await view(page), start) < 0.01);
   assert.deepEqual(problems, []);
@@ -176,7 +196,7 @@ night("cameras of a file are offered, and the ground and the legend follow", asy
   await page.locator("#panel > summary").click();
   await page.keyboard.press("v");
   await page.locator("#views").selectOption({ label: "r_7" });
-  assert.equal(await page.locator("#way").textContent(), "Turn");
+  assert.equal(await page.locator("#way").textContent(), "Orbit");
   assert.equal(await page.locator("#fov").inputValue(), "40");
   const [x, y, z] = await view(page);
   // Training's z is the world's y.

@@ -134,6 +134,7 @@ pub fn inspect_tensors(
     }
     match families::describe(file, options, limits) {
         Ok((source, free_space)) => {
+            inspection.file_bytes = source.content_bytes();
             let field = source.field;
             inspection.model = Some(source.family);
             inspection.scene = Some(SceneContent {

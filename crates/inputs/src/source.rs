@@ -97,6 +97,14 @@ impl Source {
         name.map_or_else(|| "checkpoint".to_owned(), |name| name.to_string_lossy().into_owned())
     }
 
+    /// Bytes of the files that hold the scene: the input, and the pictures of a folder.
+    pub fn content_bytes(&self) -> u64 {
+        let is_folder = matches!(self.family, Family::Snerg | Family::Merf);
+        let pictures = self.side_files.iter().filter(|_| is_folder);
+        let length = |file: &SideFile| std::fs::metadata(&file.path).map_or(0, |data| data.len());
+        self.file.length() + pictures.map(length).sum::<u64>()
+    }
+
     /// True if the field is made of samples of a model without values at the nodes of a grid.
     pub fn is_resampled(&self) -> bool {
         self.is_unbounded

@@ -102,8 +102,9 @@ impl WrittenFiles {
     pub fn with_extension(&self, extension: &str) -> Result<Arc<SourceFile>> {
         let has = |path: &Path| path.extension().is_some_and(|own| own == extension);
         let found = self.files.iter().find(|(path, _)| has(path));
-        let (_, place) =
-            found.ok_or_else(|| Error::usage(format!("the export has no .{extension}")))?;
+        let (_, place) = found.ok_or_else(|| {
+            Error::usage(format!("the name of the output must end in .{extension}"))
+        })?;
         SourceFile::open(place).map(Arc::new)
     }
 

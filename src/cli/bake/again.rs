@@ -17,7 +17,7 @@ use mipvog_inputs::MlpChoice;
 /// Repacks a container's levels; bakes level 0 anew if an option requires it.
 pub fn bake_again(
     arguments: &Arguments,
-    unpacked: &Unpacked,
+    (unpacked, input_bytes): (&Unpacked, u64),
     options: &BakeOptions,
     output: &mut Output,
     bar: &Bar,
@@ -77,11 +77,13 @@ pub fn bake_again(
             gate: None,
             inputs,
             unmeasured: None,
+            input_bytes,
         });
     }
     let report = repack(unpacked, &changes, &options.limits, output, bar)?;
     let resolved = changes.to_json();
-    Ok(Baked { report, resolved, settings: Vec::new(), view, gate: None, inputs, unmeasured: None })
+    let (settings, gate, unmeasured) = (Vec::new(), None, None);
+    Ok(Baked { report, resolved, settings, view, gate, inputs, unmeasured, input_bytes })
 }
 
 /// Refuses options that repacking a container, or baking its finest level `anew`, would ignore.

@@ -8,9 +8,10 @@ use clap::{ArgGroup, Args};
 use super::super::common::Common;
 use super::super::field::FieldArguments;
 use super::super::fit::FitArguments;
+use super::super::folders::input_path;
 use super::super::gate::GateArguments;
 use super::super::gltf::GltfArguments;
-use super::super::guess::{container_name, container_names, input_path, is_folder_name};
+use super::super::guess::{container_name, container_names, is_folder_name};
 use super::super::incremental::IncrementalArguments;
 use super::super::manifest::{ExplicitOptions, ManifestArguments};
 use super::super::scene::SceneArguments;
@@ -69,7 +70,7 @@ pub struct Arguments {
     #[arg(long)]
     pub force: bool,
     /// Add the scene of this file, at its place in the world; may be given several times. The grid
-    /// of INPUT goes on as far as the other scenes reach
+    /// of INPUT is extended to hold the other scenes
     #[arg(long, value_name = "FILE")]
     pub merge: Vec<PathBuf>,
     /// Set of options; explicit options override it

@@ -69,7 +69,7 @@ pub fn dry_run(
     line += &memory.map_or_else(String::new, |bytes| format!(", {} of memory", readable(bytes)));
     line += &least.map_or_else(String::new, |bytes| {
         let shown = readable(bytes);
-        format!("; least --memory {bytes} ({shown})")
+        format!("; smallest --memory {bytes} ({shown})")
     });
     let mut text = folded(&line, columns(), 4) + "\n";
     text += &levels_text(&forecast.report.levels, &forecast.report.shells, common.verbose);

@@ -36,6 +36,8 @@ pub struct Baked {
     pub unmeasured: Option<u64>,
     /// The files that the container depends on.
     pub inputs: Vec<PathBuf>,
+    /// Size of the input in bytes.
+    pub input_bytes: u64,
 }
 
 /// The files of a bake and its cost.
@@ -44,8 +46,6 @@ pub struct Work<'a> {
     pub input: &'a Path,
     /// Path of the container.
     pub output: &'a Path,
-    /// Size of the input in bytes.
-    pub input_bytes: u64,
     /// Total wall-clock time in seconds.
     pub seconds: f64,
     /// Bytes read from the input.
@@ -120,7 +120,7 @@ impl Baked {
             input: work.input.to_string_lossy().into_owned(),
             output: work.output.to_string_lossy().into_owned(),
             dry_run: None,
-            input_bytes: Some(work.input_bytes),
+            input_bytes: Some(self.input_bytes),
             sha256: work.sha256.clone(),
             seconds: Some(work.seconds),
             peak_memory_bytes: peak_memory_bytes(),
@@ -177,12 +177,12 @@ impl Baked {
             (_, true) => format!("{output}: not written; it would have {bytes}"),
             (true, false) => format!("{output}: {bytes}, nothing has changed"),
             (false, false) => {
-                let sizes = compared(report.output_bytes, work.input_bytes);
+                let sizes = compared(report.output_bytes, self.input_bytes);
                 let measured = if self.gate.is_some() { ", pictures included" } else { "" };
                 format!(
                     "{output}: {bytes}, {sizes} {} ({}), in {:.2} s{measured}",
                     short_name(work.input),
-                    readable(work.input_bytes),
+                    readable(self.input_bytes),
                     work.seconds
                 )
             }
@@ -192,7 +192,8 @@ impl Baked {
         let kept = report.pruned.first().map(|finest| {
             let share = 100.0 * finest.needed_nodes as f64 / finest.nodes.max(1) as f64;
             let [kept, all] = [finest.needed_nodes, finest.nodes].map(grouped);
-            format!("{kept} of {all} voxels kept ({share:.0} %)")
+            let of = if report.shells.is_empty() { "" } else { " of the innermost box" };
+            format!("{kept} of {all} voxels{of} kept ({share:.0} %)")
         });
         let content: Vec<String> = first.into_iter().chain(kept).collect();
         if !content.is_empty() {

@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     let bar = Bar::new(common);
     let baked = match &input.content {
         Content::Stored(unpacked) => {
-            bake_again(arguments, unpacked, &options, &mut output, &bar, common)
+            bake_again(arguments, (unpacked, input.length()), &options, &mut output, &bar, common)
         }
         Content::Trained(file) => {
             bake_trained(arguments, file, &options, &mut output, &bar, common)
@@ -106,7 +106,7 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
     if !baked.report.unchanged {
         let thumbnail = arguments.thumbnail;
         output = thumbnail.add(output, &arguments.output, replace, &limits, &bar)?;
-        baked.report.output_bytes = output.length();
+        baked.report.set_output_bytes(output.length());
     }
     drop(bar);
     if let Content::Stored(_) = &input.content {
@@ -139,7 +139,6 @@ pub fn run(arguments: &Arguments, common: &Common) -> Result<Outcome> {
         input: arguments.held.as_ref().map_or(&arguments.input, |held| held.path()),
         output: &arguments.output,
         seconds: clock.elapsed().as_secs_f64(),
-        input_bytes: input.length(),
         bytes_read: input.bytes_read(),
         sha256,
     };

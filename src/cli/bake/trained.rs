@@ -136,7 +136,8 @@ pub fn bake_trained(
     let reported = settings.report(&source);
     inputs.extend(arguments.gate.camera_file().into_iter().flat_map(CameraSource::paths));
     inputs.extend(arguments.fit.camera_file());
-    Ok(Baked { report, resolved, settings: reported, view, gate, inputs, unmeasured })
+    let input_bytes = source.content_bytes();
+    Ok(Baked { report, resolved, settings: reported, view, gate, inputs, unmeasured, input_bytes })
 }
 
 /// Opens a trained input with the settings that are found, and warns of missing ones.

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::super::common::Common;
 use super::super::outcome::{Outcome, say, write_stdout};
-use super::super::output::{create, refuse_stdout};
+use super::super::output::{create, refuse_file_name, refuse_stdout};
 use super::arguments::{ExplicitOptions, ManifestArguments};
 use super::options::OptionKind;
 use super::part::Part;
@@ -47,6 +47,7 @@ pub fn run(
 ) -> Result<Outcome> {
     let &BatchOptions { manifest, arguments, given, outputs, force, check } = batch;
     refuse_stdout(outputs, "--output is a folder beside --manifest")?;
+    refuse_file_name(outputs, "name a folder, such as -o baked/")?;
     let part = Part::of(arguments)?;
     let outputs = match given.has("output") {
         true => absolute(outputs)?,

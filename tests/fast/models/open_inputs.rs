@@ -117,11 +117,14 @@ fn other_models_are_named_with_a_way_out() {
         assert!(error.to_string().contains(name), "{error}");
         assert!(error.remedy().contains(way), "{}", error.remedy());
     }
-    for (file, name) in [("web_page.npz", "web page"), ("lfs_pointer.tar", "Git LFS pointer")] {
+    for (file, name, way) in [
+        ("web_page.npz", "web page", "download the scene again"),
+        ("lfs_pointer.tar", "Git LFS pointer", "git lfs pull"),
+    ] {
         let error = open(file).expect_err(file);
         assert!(matches!(error.kind(), ErrorKind::Unsupported { .. }), "{error}");
         assert!(error.to_string().contains(name), "{error}");
-        assert!(error.remedy().contains("name the file itself"), "{}", error.remedy());
+        assert!(error.remedy().contains(way), "{}", error.remedy());
     }
     let header = "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\n\
                   property float f_dc_0\nproperty float rot_0\nend_header\n";

@@ -337,8 +337,8 @@ fn options_that_do_not_fit_are_refused() {
         assert!(error.to_string().contains(says), "{error}");
     };
     let plain = plain_glb();
-    usage(attach(&plain, "1"), "of 1 from 0");
-    usage(attach(&plain, "b"), "no node has it");
+    usage(attach(&plain, "1"), "number 0, the only one");
+    usage(attach(&plain, "b"), "the name of a node, or its number");
     let twins = changed(&plain, |d| d["nodes"] = json!([{ "name": "a" }, { "name": "a" }]));
     usage(attach(&twins, "a"), "[0, 1]");
     let one = attach(&plain, "a").expect("attached");

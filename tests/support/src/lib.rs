@@ -26,12 +26,14 @@ pub mod plain;
 pub mod plain_alpha;
 pub mod plain_nested;
 pub mod plain_render;
+pub mod plain_shade;
 pub mod planes;
 pub mod rendered;
 pub mod schema;
 pub mod snerg;
 pub mod stress;
 pub mod stress_field;
+pub mod stress_quantize;
 pub mod stress_ray;
 pub mod stress_scalar;
 #[path = "../../../fuzz/src/targets.rs"]

@@ -4,12 +4,12 @@
 use mipvog::model::baked::{Blend, DensityDomain, FootprintNeighbour, StepRule};
 use mipvog::model::camera::Camera;
 use mipvog::model::field::{ActivationOrder, ColorDomain, FreeSpace, Lookup};
-use mipvog::model::harmonics::{Clamp, Evaluation, basis_f64};
+use mipvog::model::harmonics::{Evaluation, basis_f64};
 use mipvog::model::view_dependence::ViewDependence;
-use mipvog::model::view_mlp::{ViewInput, ViewMlp};
 use mipvog::view::render::{LevelChoice, View};
 
 use super::plain::{density, index, sigmoid, trilinear};
+use super::plain_shade::{blended, is_close, length, limit, specular};
 
 /// A sample this close to a face of the box, in shares of the box, lies on it.
 const ON_FACE: f64 = 1e-9;
@@ -394,57 +394,4 @@ impl PlainLevel {
             None => trilinear(self.nodes, values, self.node_position(position)),
         }
     }
-}
-
-/// Values of two levels, mixed.
-fn blended(lambda: f64, mut value: impl FnMut(usize) -> f64) -> f64 {
-    let (level, share) = (lambda as usize, lambda.fract());
-    match share > 0.0 {
-        true => (1.0 - share) * value(level) + share * value(level + 1),
-        false => value(level),
-    }
-}
-
-/// True if float32 may put a value on the other side of a threshold; nothing is below 0.
-fn is_close(value: f64, threshold: f64) -> bool {
-    threshold > 0.0 && (value - threshold).abs() <= 1e-4 * threshold
-}
-
-fn limit(clamp: Clamp, value: f64) -> f64 {
-    match clamp {
-        Clamp::Zero => value.max(0.0),
-        Clamp::None => value,
-        Clamp::Sigmoid => sigmoid(value),
-    }
-}
-
-/// View-dependent colour of a ray's accumulated values.
-pub fn specular(network: &ViewMlp, unit: [f64; 3], accumulated: &[f64]) -> [f64; 3] {
-    let angles = || {
-        let octaves = 0..network.frequencies as i32;
-        unit.iter().flat_map(move |along| octaves.clone().map(move |k| along * 2f64.powi(k)))
-    };
-    let mut values = unit.to_vec();
-    values.extend(angles().map(f64::sin));
-    values.extend(angles().map(f64::cos));
-    values.extend(match network.input {
-        ViewInput::DiffuseAndFeatures => accumulated,
-        ViewInput::Features => &accumulated[3..],
-    });
-    for (number, layer) in network.layers.iter().enumerate() {
-        let rows = layer.weights.chunks_exact(layer.inputs).zip(&layer.bias);
-        let sums = rows.map(|(weights, bias)| {
-            let products = weights.iter().zip(&values).map(|(w, value)| f64::from(*w) * value);
-            f64::from(*bias) + products.sum::<f64>()
-        });
-        values = match number + 1 == network.layers.len() {
-            true => sums.map(sigmoid).collect(),
-            false => sums.map(|sum| sum.max(0.0)).collect(),
-        };
-    }
-    [values[0], values[1], values[2]]
-}
-
-fn length([x, y, z]: [f64; 3]) -> f64 {
-    (x * x + y * y + z * z).sqrt()
 }

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 use std::sync::OnceLock;
 
-use super::{stress_field, stress_ray, stress_scalar};
+use super::{stress_field, stress_quantize, stress_ray, stress_scalar};
 
 /// The largest errors of a stage.
 #[derive(Debug, Clone, Default)]
@@ -153,7 +153,7 @@ pub const ROWS: [Row; 19] = [
         bound: [ANY, 1.0, ANY],
         reason: "`max_error` is proved, and reached at borders",
         portable: true,
-        run: stress_field::quantize,
+        run: stress_quantize::quantize,
     },
     Row {
         stage: "decode",
@@ -161,7 +161,7 @@ pub const ROWS: [Row; 19] = [
         bound: [ANY, 3e-7, 3.0],
         reason: "five roundings",
         portable: true,
-        run: stress_field::decode,
+        run: stress_quantize::decode,
     },
     Row {
         stage: "float16 and float32",
@@ -169,7 +169,7 @@ pub const ROWS: [Row; 19] = [
         bound: [16.0, 4.9e-4, 4096.0],
         reason: "half a spacing of f16, which is 32 at its top; f32 loses nothing, not even the sign of zero",
         portable: true,
-        run: stress_field::floats,
+        run: stress_quantize::floats,
     },
     Row {
         stage: "interpolation",

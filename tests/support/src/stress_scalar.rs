@@ -8,7 +8,7 @@ use mipvog::model::baked::DensityDomain;
 use mipvog::model::field::Activation;
 use mipvog::model::view_mlp::{Layer, RAYS, ViewMlp};
 
-use super::plain_render::specular;
+use super::plain_shade::specular;
 use super::stress::Worst;
 use super::{Random, plain};
 

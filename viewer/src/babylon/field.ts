@@ -32,7 +32,8 @@ import { OUTPUT } from "../render/shader.js";
 import type { DeviceTexture } from "../render/textureDevice.js";
 import type { Textures } from "../render/textures.js";
 import { fieldUniforms, logarithmOf, NO_LOGARITHM, NOWHERE, type Shown, type Uniforms, type View, viewUniforms } from "../render/uniforms.js";
-import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
+import type { Budget, FieldEvents, FieldOptions, Owner } from "../fieldOptions.js";
+import { StreamedField } from "../streamed.js";
 import { type Drawing, drawingOf } from "./engines.js";
 
 /** The sides of a box: corners by their bits (x, y, z), each side counterclockwise as seen from outside. */

@@ -12,6 +12,6 @@ export { FieldError } from "../errors.js";
 export type { Metadata } from "../format/metadata.js";
 export type { Source, Transfer } from "../load/source.js";
 export type { Statistics } from "../render/measures.js";
-export type { Budget, FieldEvents, FieldOptions } from "../streamed.js";
+export type { Budget, FieldEvents, FieldOptions } from "../fieldOptions.js";
 export { RadianceField } from "./field.js";
 export { RadianceFieldExtension } from "./gltf.js";

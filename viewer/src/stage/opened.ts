@@ -8,7 +8,7 @@ import { isAsset } from "../format/kinds.js";
 import { RadianceField } from "../three/field.js";
 import { RadianceFieldExtension } from "../three/gltf.js";
 import type { Source } from "../load/source.js";
-import type { FieldOptions } from "../streamed.js";
+import type { FieldOptions } from "../fieldOptions.js";
 
 /** Number of bytes that identify the kind of a file. */
 const FIRST = 64;

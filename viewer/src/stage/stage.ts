@@ -1,12 +1,13 @@
 /** The canvas: camera, controls, and drawing on changes. */
 
-import { Box3, type Color, type Mesh, type Object3D, PerspectiveCamera, Scene, Spherical, Vector2, Vector3, WebGLRenderer } from "three";
+import { Box3, type Color, type Object3D, PerspectiveCamera, Scene, Spherical, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { FieldError, REMEDY } from "../errors.js";
 import { whenDone } from "../render/fence.js";
 import type { Statistics } from "../render/measures.js";
 import type { RadianceField } from "../three/field.js";
 import { Painter } from "./painter.js";
+import { captured, compiled } from "./pictures.js";
 import { distanceSeen, Room } from "./room.js";
 import { FOVS, type Viewpoint } from "./viewpoint.js";
 import { Walk, type Way } from "./walk.js";
@@ -155,31 +156,11 @@ export class Stage {
   async prepare(object: Object3D): Promise<void> {
     // Whoever asks a device waits for its pictures, too: better before there are any. It can make textures while it compiles.
     this.upload(object);
-    if (this.renderer.extensions.has("KHR_parallel_shader_compile")) await this.renderer.compileAsync(object, this.camera, this.scene);
-    else this.renderer.compile(object, this.camera, this.scene);
-    const gl = this.renderer.getContext() as WebGL2RenderingContext;
-    // A device that cannot say whether it has compiled them has them by then, or nearly so.
-    await new Promise<void>((done) => whenDone(gl, done));
-    for (const program of this.programsOf(object)) {
-      // The answer comes with all that the first draw has to know of the program.
-      if (gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost()) continue;
-      throw new FieldError(`The device does not take the shader: ${gl.getProgramInfoLog(program)?.trim()}`, REMEDY.device);
-    }
+    await compiled(this.renderer, object, this.camera, this.scene);
     object.traverse((part) => {
       if ("isRadianceField" in part) (part as RadianceField).warm(this.renderer);
     });
-    await new Promise<void>((done) => whenDone(gl, done));
-  }
-
-  private programsOf(object: Object3D): Set<WebGLProgram> {
-    const programs = new Set<WebGLProgram>();
-    object.traverse((part) => {
-      for (const material of [(part as Partial<Mesh>).material ?? []].flat()) {
-        const made = this.renderer.properties.get(material) as { programs?: Map<string, { program: WebGLProgram }> };
-        for (const { program } of made.programs?.values() ?? []) programs.add(program);
-      }
-    });
-    return programs;
+    await new Promise<void>((done) => whenDone(this.renderer.getContext() as WebGL2RenderingContext, done));
   }
 
   /** Sets the background; null shows the page below the canvas. */
@@ -297,22 +278,7 @@ export class Stage {
    * in pixels. The stage is unchanged afterwards.
    */
   capture(width: number, height: number, toWorld: number[], focal: number): Uint8ClampedArray {
-    const size = this.renderer.getSize(new Vector2());
-    this.renderer.setSize(width, height, false);
-    const camera = new PerspectiveCamera(1, 1, this.camera.near, this.camera.far);
-    camera.matrixWorldAutoUpdate = camera.matrixAutoUpdate = false;
-    camera.matrixWorld.fromArray(toWorld);
-    camera.matrixWorldInverse.copy(camera.matrixWorld).invert();
-    const [x, y] = [(width / 2 / focal) * camera.near, (height / 2 / focal) * camera.near];
-    camera.projectionMatrix.makePerspective(-x, x, y, -y, camera.near, camera.far);
-    camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
-    this.renderer.render(this.scene, camera);
-    const gl = this.renderer.getContext();
-    const rows = new Uint8ClampedArray(4 * width * height);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
-    const pixels = new Uint8ClampedArray(rows.length);
-    for (let row = 0; row < height; row++) pixels.set(rows.subarray(4 * width * row, 4 * width * (row + 1)), 4 * width * (height - 1 - row));
-    this.renderer.setSize(size.x, size.y, false);
+    const pixels = captured(this.renderer, this.scene, this.camera, { width, height, toWorld, focal });
     this.redraw(true);
     return pixels;
   }

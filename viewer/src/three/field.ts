@@ -27,10 +27,12 @@ import { isNested, outerBounds } from "../format/parts.js";
 import type { Opened } from "../load/loader.js";
 import type { Source } from "../load/source.js";
 import { lookingAlong } from "../render/matrices.js";
-import { pickedPoint, pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
+import { pickedProjection, RAY_PROJECTION, type Statistics, statisticsOf } from "../render/measures.js";
 import { OUTPUT } from "../render/shader.js";
 import { fieldUniforms, NOWHERE, type Shown, type View, viewUniforms } from "../render/uniforms.js";
-import { type Budget, type FieldEvents, type FieldOptions, type Owner, StreamedField } from "../streamed.js";
+import type { Budget, FieldEvents, FieldOptions, Owner } from "../fieldOptions.js";
+import { StreamedField } from "../streamed.js";
+import { aloneOf, onePixel, pointAt } from "./alone.js";
 import { FieldMaterial, type Draw } from "./material.js";
 import { type AnyRenderer, attachments, deviceOf, isWebGL } from "./view.js";
 import { gpuDrawing } from "./drawing.js";
@@ -370,31 +372,6 @@ const REFUSED = ["A WebGPURenderer draws fields only where mipvog-viewer/webgpu 
 /** What to show while the work of a picture is counted. */
 function counted(height: number, rows: number, skips: boolean): Partial<Shown> {
   return { output: OUTPUT.statistics, skips, halfPixel: (0.5 * height) / rows };
-}
-
-/** A camera of one pixel. It has the conventions of `like`, so that no renderer replaces its projection. */
-function onePixel(place: Matrix4, projection: readonly number[], like?: Camera): Camera {
-  const one = new PerspectiveCamera();
-  one.matrixWorldAutoUpdate = one.matrixAutoUpdate = false;
-  one.matrixWorld.copy(place);
-  one.matrixWorldInverse.copy(place).invert();
-  if (like) one.coordinateSystem = like.coordinateSystem;
-  one.projectionMatrix.fromArray(projection);
-  return one;
-}
-
-function pointAt(pixel: Float32Array, place: Matrix4, projection: readonly number[]): Vector3 | null {
-  const point = pickedPoint(pixel, place.elements, projection);
-  return point && new Vector3(...point);
-}
-
-/** A scene with a mesh to draw instead of a field. */
-function aloneOf(field: RadianceField): { scene: Scene; mesh: Mesh } {
-  const mesh = new Mesh<BufferGeometry, ShaderMaterial>(field.geometry, field.material);
-  mesh.matrixWorldAutoUpdate = mesh.matrixAutoUpdate = mesh.frustumCulled = false;
-  const scene = new Scene();
-  scene.matrixWorldAutoUpdate = false;
-  return { scene: scene.add(mesh) as Scene, mesh };
 }
 
 /** @ts-ignore if react-three-fiber is not installed */

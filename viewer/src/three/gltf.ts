@@ -4,7 +4,7 @@ import { type FileLoader, LoaderUtils, type Mesh, Object3D } from "three";
 import type { GLTFLoaderPlugin, GLTFParser } from "three/addons/loaders/GLTFLoader.js";
 import { EXTENSION, type FieldReference, placeOf } from "../asset.js";
 import { FieldError, REMEDY } from "../errors.js";
-import type { FieldOptions } from "../streamed.js";
+import type { FieldOptions } from "../fieldOptions.js";
 import { RadianceField } from "./field.js";
 
 /**

@@ -76,20 +76,26 @@ fn is_tar(start: &[u8]) -> bool {
     start.get(257..262) == Some(b"ustar")
 }
 
-/// The kind of a text that a failed download leaves in place of a file.
-pub fn no_download(start: &[u8]) -> Option<&'static str> {
+/// The kind of a text that a failed download leaves in place of a file, and the remedy.
+pub fn no_download(start: &[u8]) -> Option<[&'static str; 2]> {
     let text = without_mark(start).trim_ascii_start();
     let starts = |with: &str| {
         text.get(..with.len()).is_some_and(|text| text.eq_ignore_ascii_case(with.as_bytes()))
     };
     if starts("version https://git-lfs.github.com/spec/") {
-        return Some("a Git LFS pointer, which stands for the file (fetch the file: git lfs pull)");
+        return Some(["a Git LFS pointer, which stands for the file", "fetch it: git lfs pull"]);
     }
     if ["<!doctype html", "<html", "<head", "<body"].into_iter().any(starts) {
-        return Some("a web page in place of the file (download the file again)");
+        return Some([
+            "a web page",
+            "open it in a browser; if a download left it in place of a scene, download the scene \
+             again",
+        ]);
     }
-    starts("<?xml")
-        .then_some("an XML text, such as the error of a download (if so, download the file again)")
+    starts("<?xml").then_some([
+        "an XML text",
+        "if a download left it in place of a scene, download the scene again",
+    ])
 }
 
 /// The format of a file with this start, if people commonly mistake it for a scene.
@@ -107,7 +113,7 @@ fn other_format(start: &[u8]) -> Option<&'static str> {
         [0x76, 0x2f, 0x31, 0x01, ..] => "an OpenEXR picture",
         [b'p', b'l', b'y', b'\n' | b'\r', ..] => "a PLY file",
         _ if is_tar(start) => "a tar file (unpack it first, and name the file in it)",
-        _ => return no_download(start),
+        _ => return no_download(start).map(|[kind, _]| kind),
     })
 }
 

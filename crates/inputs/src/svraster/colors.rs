@@ -5,10 +5,10 @@
 //! blurs a voxel with its neighbours. So a voxel's own colour is compared with the mean of its
 //! eight nodes, and the mean of these differences is added to the nodes.
 
-use super::density::{between, density};
+use super::density::{EvenDensities, between, density};
 use super::loaded::Voxels;
 use super::plan::BoxPlan;
-use super::plane::{Touching, mean_density};
+use super::plane::Touching;
 
 /// Stands for no slot.
 const NO_SLOT: u32 = u32::MAX;
@@ -57,6 +57,7 @@ impl NodeColors {
 /// A box whose nodes get colours.
 pub(super) struct Painted<'a> {
     pub(super) voxels: &'a Voxels,
+    pub(super) even: &'a EvenDensities,
     pub(super) plan: &'a BoxPlan,
     /// The edge of the smallest voxels, in world units.
     pub(super) unit: f64,
@@ -82,7 +83,7 @@ impl Painted<'_> {
         }
         for small in &touching.small {
             let share = 2.0 * f64::from(small.cube.edge) / f64::from(plan.edge);
-            let own = self.weight(mean_density(voxels, small.voxel));
+            let own = self.weight(self.even.mean(small.voxel));
             sums.add(small.node, share * share * share * own, voxels.harmonics(small.voxel));
         }
         sums.finish()

@@ -25,6 +25,23 @@ pub(super) fn between(corners: &[f32; 8], [x, y, z]: [f64; 3]) -> f64 {
     mix(low, high, x)
 }
 
+/// Densities of a field.
+#[derive(Debug)]
+pub(super) struct EvenDensities {
+    /// Logits at distinct corners.
+    pub(super) logits: Vec<f32>,
+    /// Mean optical depths per world unit of voxels; 0 for those at least as large as any cell.
+    pub(super) means: Vec<f32>,
+}
+
+impl EvenDensities {
+    /// The mean optical depth per world unit of a voxel smaller than a cell.
+    #[inline]
+    pub(super) fn mean(&self, voxel: u32) -> f64 {
+        self.means.get(voxel as usize).copied().unwrap_or(0.0).into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -12,11 +12,12 @@
 //!
 //! Each voxel has twelve rays: along each axis, through two places along each other axis. `w` is
 //! the proximity of a ray to the corner. Densities are logits here, because a field interpolates
-//! logits.
+//! logits. Voxels smaller than the cells of a box are averaged with their own densities: corrected
+//! ones were up to 0.5 dB worse, because averages let more light pass already.
 
 use std::sync::Arc;
 
-use super::density::{between, density};
+use super::density::{EvenDensities, between, density};
 use super::loaded::{VoxelFile, Voxels};
 use super::octree::{Cube, unit};
 use crate::base::error::Result;
@@ -49,16 +50,73 @@ fn of_logit(logit: f64) -> f64 {
 type Sums = [[f32; 2]; 8];
 
 impl VoxelFile {
-    /// Logits of densities at distinct corners, for a field.
-    pub(super) fn logits(&self) -> Result<Arc<Vec<f32>>> {
+    /// Densities for a field.
+    pub(super) fn even(&self) -> Result<Arc<EvenDensities>> {
         let voxels = self.load()?;
         let unit = unit(self.settings.extent);
-        self.logits.get(|| logits(&voxels, &self.places.cubes(), unit, self.samples))
+        self.even.get(|| {
+            let cubes = self.places.cubes();
+            let [smallest, largest] = self.cells;
+            let used = used(&voxels, &cubes, smallest);
+            let logits = logits(&voxels, &cubes, &used, unit, self.samples)?;
+            let means = match cubes.iter().any(|cube| cube.edge < largest) {
+                true => means(&voxels, &cubes, largest)?,
+                false => Vec::new(),
+            };
+            Ok(EvenDensities { logits, means })
+        })
     }
 }
 
-/// Logits of the densities at distinct corners. Voxels have this many `samples` by their own rules.
-fn logits(voxels: &Voxels, cubes: &[Cube], unit: f64, samples: u32) -> Result<Vec<f32>> {
+/// The distinct corners of voxels that give nodes their densities: those at least as large as a
+/// cell.
+fn used(voxels: &Voxels, cubes: &[Cube], cell: u32) -> Vec<bool> {
+    let mut used = vec![false; voxels.table().len()];
+    for (voxel, _) in (0..).zip(cubes).filter(|(_, cube)| cube.edge >= cell) {
+        for corner in voxels.numbers(voxel) {
+            used.get_mut(corner as usize).into_iter().for_each(|used| *used = true);
+        }
+    }
+    used
+}
+
+/// Mean optical depths per world unit of voxels smaller than a cell.
+fn means(voxels: &Voxels, cubes: &[Cube], cell: u32) -> Result<Vec<f32>> {
+    let parts = parallel::map(cubes.len().div_ceil(CHUNK), |part| {
+        let start = part * CHUNK;
+        let own = cubes.get(start..cubes.len().min(start + CHUNK)).unwrap_or_default();
+        let mean = |(at, cube): (usize, &Cube)| match cube.edge < cell {
+            true => mean_density(&voxels.corners(u32::try_from(at).unwrap_or(u32::MAX))),
+            false => 0.0,
+        };
+        Ok((start..).zip(own).map(mean).collect::<Vec<f32>>())
+    })?;
+    Ok(parts.concat())
+}
+
+/// The mean optical depth per world unit between raw densities at corners.
+#[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
+fn mean_density(corners: &[f32; 8]) -> f32 {
+    let mut sum = 0.0;
+    for x in PAIR {
+        for y in PAIR {
+            for z in PAIR {
+                sum += density(between(corners, [x, y, z]));
+            }
+        }
+    }
+    (sum / 8.0) as f32
+}
+
+/// Logits of the densities at distinct corners, corrected at those that are used. Voxels have this
+/// many `samples` by their own rules.
+fn logits(
+    voxels: &Voxels,
+    cubes: &[Cube],
+    used: &[bool],
+    unit: f64,
+    samples: u32,
+) -> Result<Vec<f32>> {
     let mut logits: Vec<f32> =
         voxels.table().iter().map(|raw| logit(density(f64::from(*raw)))).collect();
     let mut sums = vec![[0.0f32; 2]; logits.len()];
@@ -69,6 +127,10 @@ fn logits(voxels: &Voxels, cubes: &[Cube], unit: f64, samples: u32) -> Result<Ve
             let of_voxel = |at: usize| {
                 let edge = cubes.get(at).map_or(0, |cube| cube.edge);
                 let voxel = u32::try_from(at).unwrap_or(u32::MAX);
+                let is_used = |corner: u32| used.get(corner as usize).copied().unwrap_or(false);
+                if !voxels.numbers(voxel).into_iter().any(is_used) {
+                    return Sums::default();
+                }
                 let own = voxels.at_corners(&logits, voxel);
                 of_voxel(&voxels.corners(voxel), &own, f64::from(edge) * unit, samples)
             };

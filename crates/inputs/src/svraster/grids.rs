@@ -51,13 +51,13 @@ impl NodeValues for BoxDensity {
     }
 
     fn prepare(&self, _: &dyn Progress) -> Result<()> {
-        self.file.logits().map(drop)
+        self.file.even().map(drop)
     }
 
     fn read(&self, _: usize, x: usize, _: &[u64], out: &mut [f32]) -> Result<u64> {
-        let (voxels, logits) = (self.file.load()?, self.file.logits()?);
+        let (voxels, even) = (self.file.load()?, self.file.even()?);
         out.fill(EMPTY_LOGIT);
-        densities(&voxels, &logits, &self.plan, place(&self.plan, x), |node, logit| {
+        densities(&voxels, &even, &self.plan, place(&self.plan, x), |node, logit| {
             if let Some(out) = out.get_mut(node) {
                 #[expect(clippy::cast_possible_truncation, reason = "densities are float32")]
                 let logit = logit as f32;
@@ -110,9 +110,9 @@ impl BoxColors {
 
     fn plane(&self, x: usize) -> Result<Arc<NodeColors>> {
         plane(&self.sharpened, x, || {
-            let voxels = self.file.load()?;
+            let (voxels, even) = (self.file.load()?, self.file.even()?);
             let unit = unit(self.file.settings.extent);
-            let painted = Painted { voxels: &voxels, plan: &self.plan, unit };
+            let painted = Painted { voxels: &voxels, even: &even, plan: &self.plan, unit };
             let means =
                 |x: usize| plane(&self.means, x, || Ok(painted.means(place(&self.plan, x))));
             let before = x.checked_sub(1).map(means).transpose()?;

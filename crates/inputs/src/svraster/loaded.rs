@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::corners::Corners;
-use super::density::between;
+use super::density::{EvenDensities, between};
 use super::keys::Stored;
 use super::octree::{Cube, MOST_VOXELS, Octree};
 use super::ply_rows::DAMAGED;
@@ -39,7 +39,9 @@ pub(super) struct VoxelFile {
     /// Samples of a voxel, by its own rules.
     pub(super) samples: u32,
     pub(super) loaded: Lazy<Voxels>,
-    pub(super) logits: Lazy<Vec<f32>>,
+    /// Edges of the smallest and the largest cell of a box.
+    pub(super) cells: [u32; 2],
+    pub(super) even: Lazy<EvenDensities>,
 }
 
 /// Voxels in memory, numbered as in the file.

@@ -100,7 +100,8 @@ pub fn open_tensors(file: &TensorFile, options: &SourceOptions, limits: &Limits)
         limits: limits.clone(),
         samples: config.samples,
         loaded: Lazy::default(),
-        logits: Lazy::default(),
+        cells: [first, around.last().unwrap_or(first)].map(|plan| plan.edge),
+        even: Lazy::default(),
     });
     let is_plain = options.view == ViewChoice::None;
     let density = |plan: &BoxPlan| {

@@ -5,14 +5,11 @@
 //! the density is a mean over the node's cell, which reaches half way to the next nodes. Cells are
 //! halved along each axis: an eighth of a cell lies within one voxel, or consists of smaller ones.
 
-use super::density::{between, density};
+use super::density::{EvenDensities, between, density};
 use super::even::logit;
 use super::loaded::Voxels;
 use super::octree::{Cube, Part};
 use super::plan::BoxPlan;
-
-/// Shares of a voxel's edge at which its mean density is sampled.
-const QUARTERS: [f64; 2] = [0.211324865405, 0.788675134595];
 
 /// Nodes of a plane that a voxel touches.
 pub(super) struct Touch {
@@ -143,31 +140,17 @@ impl Touch {
     }
 }
 
-/// The mean optical depth per world unit of a voxel.
-pub(super) fn mean_density(voxels: &Voxels, voxel: u32) -> f64 {
-    let mut sum = 0.0;
-    for x in QUARTERS {
-        for y in QUARTERS {
-            for z in QUARTERS {
-                sum += density(voxels.raw(voxel, [x, y, z]));
-            }
-        }
-    }
-    sum / 8.0
-}
-
-/// Passes logits of densities at the nodes of a plane that voxels touch to `out`. `logits` are
-/// those of distinct corners.
+/// Passes logits of densities at the nodes of a plane that voxels touch to `out`.
 pub(super) fn densities(
     voxels: &Voxels,
-    logits: &[f32],
+    even: &EvenDensities,
     plan: &BoxPlan,
     x: u32,
     mut out: impl FnMut(usize, f64),
 ) {
     let touching = Touching::find(voxels, plan, x);
     let count = plan.nodes * plan.nodes;
-    let means = (!touching.small.is_empty()).then(|| means(voxels, plan, x, &touching));
+    let means = (!touching.small.is_empty()).then(|| means(voxels, even, plan, x, &touching));
     let is_mean = |node: usize| {
         let means = means.as_ref();
         means.and_then(|means| means.get(node)).is_some_and(|mean| *mean >= 0.0)
@@ -177,7 +160,7 @@ pub(super) fn densities(
     for touch in &touching.large {
         let [low_x, low_y, low_z] = touch.cube.corner;
         let edge = touch.cube.edge;
-        let corners = voxels.at_corners(logits, touch.voxel);
+        let corners = voxels.at_corners(&even.logits, touch.voxel);
         let share_x = share(low_x, edge, f64::from(x));
         touch.nodes(plan, |node, [y, z]| {
             let Some(smallest) = smallest.get_mut(node).filter(|own| edge < **own) else { return };
@@ -193,11 +176,17 @@ pub(super) fn densities(
 }
 
 /// Mean densities at nodes with small voxels; -1 at all others.
-fn means(voxels: &Voxels, plan: &BoxPlan, x: u32, touching: &Touching) -> Vec<f64> {
+fn means(
+    voxels: &Voxels,
+    even: &EvenDensities,
+    plan: &BoxPlan,
+    x: u32,
+    touching: &Touching,
+) -> Vec<f64> {
     let mut means: Vec<f64> = vec![-1.0; plan.nodes * plan.nodes];
     for small in &touching.small {
         let volume = f64::from(small.cube.edge) / f64::from(plan.edge);
-        let own = volume * volume * volume * mean_density(voxels, small.voxel);
+        let own = volume * volume * volume * even.mean(small.voxel);
         if let Some(mean) = means.get_mut(small.node) {
             *mean = mean.max(0.0) + own;
         }

@@ -44,8 +44,9 @@ fn open_kind(file: &Arc<SourceFile>, limits: &Limits) -> Result<TensorFile> {
         Some(found) => Error::unsupported(Place::File, found, expected)
             .advise("save the model again with torch.save, as a dictionary of tensors"),
         None => match no_download(&start) {
-            Some(found) => Error::unsupported(Place::File, found, expected)
-                .advise("name the file itself: what a download left here only stands for it"),
+            Some([found, remedy]) => {
+                Error::unsupported(Place::File, found, expected).advise(remedy)
+            }
             None => Error::wrong_kind(describe(file)?, expected),
         },
     })

@@ -341,11 +341,10 @@ fn check_entry_count(file: &SourceFile, limits: &Limits) -> Result<()> {
 fn without_directory(error: ZipError, length: u64) -> Error {
     let place = Place::Offset(length);
     match error {
-        ZipError::InvalidArchive(reason) => Error::malformed(
-            place,
-            format!("no directory at the end of the zip archive ({reason})"),
-            "one: the file is cut short or damaged",
-        ),
+        ZipError::InvalidArchive(_) => {
+            let found = "a zip archive without a directory at its end";
+            Error::malformed(place, found, "all of the file").advise("copy it again")
+        }
         error => refused(error, place),
     }
 }

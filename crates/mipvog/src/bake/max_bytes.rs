@@ -63,7 +63,7 @@ impl fmt::Display for Chosen {
             }
         }
         if let (1.., Some(errors)) = (self.without_finest, self.max_error) {
-            write!(f, ", and the best of that has --max-error {errors}")?;
+            write!(f, ", and the best quality that then fits has --max-error {errors}")?;
         }
         match self.nearby_coarseness {
             Some(_) => write!(f, ", and coarser colours where they are hardly seen"),

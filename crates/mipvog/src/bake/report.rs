@@ -60,6 +60,15 @@ pub struct IslandReport {
 }
 
 impl BakeReport {
+    /// Sets the size of the file after bytes were added or removed before its levels.
+    pub fn set_output_bytes(&mut self, bytes: u64) {
+        for level in self.levels.iter_mut().chain(&mut self.shells) {
+            level.prefix_bytes =
+                level.prefix_bytes.map(|prefix| prefix + bytes - self.output_bytes);
+        }
+        self.output_bytes = bytes;
+    }
+
     /// The report of a bake whose container was up to date.
     pub fn unchanged(
         output_bytes: u64,

@@ -81,13 +81,13 @@ impl ExportFormat for Splat {
         tell("targets", json!(targets.len()));
         tell("boxes", json!(boxes.len()));
         let mut lost =
-            vec!["density: splats are surfaces as seen from the targets' cameras".to_owned()];
+            vec!["density: splats are surfaces, as seen from the cameras of the fit".to_owned()];
         if kind == FileKind::Spz {
             let step = libm::ldexp(1.0, -bits);
             tell("position_step", json!(step));
             lost.push(format!(
-                "precision: .spz rounds positions to {step} world units, sizes to 6 %, colours and \
-                 opacities to 8 bits"
+                "precision: .spz rounds positions to {step:.2e} world units, sizes by up to 3 %, \
+                 colours and opacities to 8 bits"
             ));
         }
         if source.field.has_network() {

@@ -147,8 +147,11 @@ pub fn write_volume(
     progress.advance(Step::Write, 1);
     let mut lost = lost(source, options);
     if options.supersample.is_none() {
-        let specks = "clean surfaces at grazing angles: specks, fewer with --supersample 4";
-        lost.push(specks.to_owned());
+        let fewer = match options.resolution {
+            None => "--supersample 4",
+            Some(_) => "a higher --resolution",
+        };
+        lost.push(format!("clean surfaces at grazing angles: specks, fewer with {fewer}"));
     }
     if half {
         lost.push("precision: values are half floats; --float32 keeps it".to_owned());

@@ -56,7 +56,10 @@ impl Picture {
         let fine = Camera { lens, ..camera.clone() };
         let options = FrameOptions { supersample: 1, ..*options };
         let frame = render(field, &fine, &options, progress)?;
-        let full = Self::of_frame(&frame, field.view().background);
+        let mut full = Self::of_frame(&frame, field.view().background);
+        if !field.separates_diffuse() {
+            full.diffuse = None;
+        }
         Ok(if supersample == 1 { full } else { full.downsampled(supersample) })
     }
 

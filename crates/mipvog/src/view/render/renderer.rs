@@ -10,6 +10,7 @@ use crate::model::directional::DIRECTIONAL;
 use crate::model::field::RadianceField;
 use crate::model::grid::Bounds;
 use crate::model::trained_model::{LoadModel, TrainedModel};
+use crate::model::view_dependence::ViewDependence;
 use crate::view::sample::{Dense, SampleLevels as _, Sparse, Stored, View};
 
 /// Renders a field.
@@ -36,6 +37,7 @@ pub(crate) enum Lanes {
     Twelve(Stored<12>),
     Sixteen(Stored<16>),
     ThirtyTwo(Stored<32>),
+    FortyEight(Stored<48>),
     SixtyFour(Stored<64>),
 }
 
@@ -48,6 +50,7 @@ macro_rules! with_lanes {
             $crate::view::render::Lanes::Twelve($stored) => $result,
             $crate::view::render::Lanes::Sixteen($stored) => $result,
             $crate::view::render::Lanes::ThirtyTwo($stored) => $result,
+            $crate::view::render::Lanes::FortyEight($stored) => $result,
             $crate::view::render::Lanes::SixtyFour($stored) => $result,
         }
     };
@@ -74,7 +77,8 @@ macro_rules! in_lanes {
             9..=12 => Ok(Lanes::Twelve($values)),
             13..=16 => Ok(Lanes::Sixteen($values)),
             17..=32 => Ok(Lanes::ThirtyTwo($values)),
-            33..=64 => Ok(Lanes::SixtyFour($values)),
+            33..=48 => Ok(Lanes::FortyEight($values)),
+            49..=64 => Ok(Lanes::SixtyFour($values)),
             channels => {
                 let found = format!("{channels} channels of colour and features");
                 Err(Error::unsupported(Place::File, found, "at most 64"))
@@ -130,6 +134,13 @@ impl Renderer {
     /// `Malformed` if its levels are damaged, and more memory than the limits allow.
     pub fn of_container(container: &Container) -> Result<Self> {
         Self::baked(&container.read()?, container.limits())
+    }
+
+    /// True if a ray gathers diffuse colour apart from what depends on the view: a network adds to
+    /// it, or nothing does. Harmonics and models by their own rules have no such part.
+    pub fn separates_diffuse(&self) -> bool {
+        let has_harmonics = matches!(self.view.view_dependence, Some(ViewDependence::Harmonics(_)));
+        matches!(self.content, Content::Values(_)) && !has_harmonics
     }
 
     /// A model in memory with its own rules. Box, background, near and far come from the view of

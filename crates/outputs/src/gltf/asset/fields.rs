@@ -156,5 +156,14 @@ pub fn buffer_is_chunk(asset: &Asset, number: usize, buffer: &Node) -> Result<bo
 }
 
 fn missing(place: Place, number: usize, count: usize) -> Error {
-    Error::malformed(place, format!("number {number}"), format!("one of {count} from 0"))
+    Error::malformed(place, format!("number {number}"), one_of(count))
+}
+
+/// The numbers of this many things, in words.
+pub fn one_of(count: usize) -> String {
+    match count {
+        0 => "none: there is none".to_owned(),
+        1 => "number 0, the only one".to_owned(),
+        _ => format!("a number from 0 to {}", count - 1),
+    }
 }

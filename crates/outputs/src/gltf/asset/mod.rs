@@ -22,5 +22,5 @@ pub mod rules;
 pub mod uri;
 
 pub use document::{Asset, EXTENSION, is_asset};
-pub use fields::{ContainerBytes, Fields, buffer_is_chunk, container_bytes};
+pub use fields::{ContainerBytes, Fields, buffer_is_chunk, container_bytes, one_of};
 pub use glb::{Chunks, Piece, padded, write_glb};

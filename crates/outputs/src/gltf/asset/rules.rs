@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::document::{Asset, EXTENSION};
-use super::fields::{Fields, container_bytes};
+use super::fields::{Fields, container_bytes, one_of};
 use super::json::{Members, Node};
 use super::properties::{MIME_TYPE, RadianceField};
 use crate::base::bytes::{hex, sha256};
@@ -33,12 +33,12 @@ pub fn document(asset: &Asset, root: &Members, fields: &Fields, report: &mut Rep
     for user in &fields.users {
         if user.field >= fields.objects.len() {
             let found = format!("field {}", user.field);
-            let expected = format!("one of {} from 0", fields.objects.len());
+            let expected = one_of(fields.objects.len());
             let error = Error::malformed(user.value.place(), found, expected);
             report(Finding { code: Code::FieldNode, error })?;
         }
         if user.object.get("mesh")?.is_none() {
-            let expected = "one, which viewers show that do not know the extension";
+            let expected = "one for viewers without the extension";
             let error = Error::malformed(user.object.place(), "no mesh", expected);
             report(Finding { code: Code::FieldFallback, error })?;
         }

@@ -12,7 +12,9 @@ use crate::base::error::{Error, Place, Result};
 use crate::container::Container;
 use crate::gltf::asset::json::{Members, Node};
 use crate::gltf::asset::properties::RadianceField;
-use crate::gltf::asset::{Asset, Chunks, EXTENSION, Fields, Piece, buffer_is_chunk, padded, uri};
+use crate::gltf::asset::{
+    Asset, Chunks, EXTENSION, Fields, Piece, buffer_is_chunk, one_of, padded, uri,
+};
 
 /// A quarter turn about x: training's up axis z becomes glTF's y.
 pub(super) const Z_UP_TO_Y_UP: [f32; 4] =
@@ -176,7 +178,7 @@ impl<'a> Insertion<'a> {
             Err(Error::invalid_option("node", format!("node {number}"), expected))
         };
         if number >= nodes.len() {
-            return refuse(format!("one of {} from 0", nodes.len()));
+            return refuse(one_of(nodes.len()));
         }
         if self.fields.users.iter().any(|user| user.node == number) {
             return refuse("a node that has no radiance field already".to_owned());
@@ -255,7 +257,7 @@ fn chosen(nodes: &[Node], choice: &NodeChoice) -> Result<usize> {
     let refuse = |expected| Err(Error::invalid_option("node", format!("{name:?}"), expected));
     match found.as_slice() {
         [number] => Ok(*number),
-        [] => refuse("a name that is there; no node has it".to_owned()),
+        [] => refuse("the name of a node, or its number".to_owned()),
         _ => refuse(format!("a name that one node has, or a number of {found:?}")),
     }
 }
