@@ -50,8 +50,8 @@ fn inner(path: PathBuf, names: &[&str], is_whole: bool) -> PathBuf {
 
 /// The remedy for a folder in place of a file: it may hold files that the verb takes.
 pub fn of_folder(folder: &Path) -> String {
-    let words = std::env::args().skip(1);
-    of_folder_for(words.skip_while(|word| word.starts_with('-')).next().as_deref(), folder)
+    let verb = std::env::args().skip(1).find(|word| !word.starts_with('-'));
+    of_folder_for(verb.as_deref(), folder)
 }
 
 fn of_folder_for(verb: Option<&str>, folder: &Path) -> String {
