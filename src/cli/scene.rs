@@ -233,12 +233,24 @@ impl FoundSettings {
             ("background", json!(scene.background)),
             ("color_threshold", json!(march.color_threshold)),
         ];
-        let from = |name| match self.origins.get(name) {
+        let from = |name, value: &Value| match self.origins.get(name) {
             Some(origin) => origin.clone(),
             None if source.recorded.contains(&name) => source.recorded_in(),
-            None => "default".to_owned(),
+            None if is_default(name, value) => "default".to_owned(),
+            None => "model".to_owned(),
         };
-        values.map(|(name, value)| SettingReport { name, value, from: from(name) }).into()
+        let report = |(name, value)| SettingReport { name, from: from(name, &value), value };
+        values.map(report).into()
+    }
+}
+
+/// True for a setting's default; some models have their own.
+fn is_default(name: &str, value: &Value) -> bool {
+    match name {
+        "stepsize" => *value == json!(0.5),
+        "near" => *value == json!(0.0f32),
+        "background" => *value == json!([1.0, 1.0, 1.0]),
+        _ => true,
     }
 }
 
