@@ -91,6 +91,14 @@ pub fn format_of(name: Option<&str>, output: &Path) -> Result<&'static dyn Expor
         (None, Some(extension)) => format_of_extension(&extension.to_lowercase()),
         (None, None) => None,
     };
+    // These write a folder under any other name.
+    if let (Some(own), Some(extension)) = (found, extension)
+        && ["html", "snerg"].contains(&own.name())
+        && format_of_extension(extension).is_some_and(|other| other.name() != own.name())
+    {
+        let message = format!("--to {}, but -o {}", own.name(), output.display());
+        return Err(Error::usage(message).advise("leave out --to, or name a folder"));
+    }
     found.ok_or_else(|| {
         let names = FORMATS.map(|format| format.name()).join(", ");
         let message = format!("-o {}: the name does not say the format", output.display());

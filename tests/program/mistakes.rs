@@ -141,7 +141,7 @@ fn hints_of_names_and_values_lead_on() {
     std::fs::write(here.join("cameras.json"), "{\"frames\": []}").expect("written");
     std::fs::write(here.join("cut.npz"), b"PK\x03\x04cut short").expect("written");
     let sweep = ["sweep", "in.tar", "-o", "s"];
-    let cases: [(&[&str], i32, &[&str]); 18] = [
+    let cases: [(&[&str], i32, &[&str]); 20] = [
         (&["compare", "in.tar", "a.mipvog", "--scale", "1,2"], 2, &["--scales may be meant"]),
         (&["transcode", "a.mipvog", "-o", "b.mipvog", "--stepsize", "1"], 2, &["option of bake"]),
         (
@@ -170,6 +170,8 @@ fn hints_of_names_and_values_lead_on() {
             &["found a web page", "open it in a browser"],
         ),
         (&["inspect", "cut.npz"], 3, &["without a directory at its end", "copy it again"]),
+        (&["export", "a.mipvog", "--to", "html", "-o", "p.vdb"], 2, &["leave out --to"]),
+        (&["render", "a.mipvog", "--frames", "0-3", "-o", "p/"], 2, &["several with commas"]),
         (&["render", "a.mipvog"], 2, &["mipvog-bake render a.mipvog -o pictures/"]),
         (&["unpack", "a.mipvog", "-o", "x.npz", "--slices", "png"], 2, &["needs a folder"]),
     ];

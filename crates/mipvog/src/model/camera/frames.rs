@@ -123,7 +123,7 @@ fn picked(known: &[(&str, Option<&str>)], wanted: &[String]) -> Result<Vec<usize
 fn choices(known: &[(&str, Option<&str>)]) -> String {
     let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
     let last = known.len().saturating_sub(1);
-    format!("a name ({}) or an index from 0 to {last}", list(&names))
+    format!("a name ({}) or an index from 0 to {last}; several with commas", list(&names))
 }
 
 /// The first few of some names.
